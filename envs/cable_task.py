@@ -155,7 +155,7 @@ class Cable(Structure):
         return load
 
     def reference(
-        self, given: Array, load: CableLoad, timestep: float, weights: CableReward, command_max: float
+        self, given: Array, load: CableLoad, timestep: float, weights: CableReward, command_max: float, period: float
     ) -> Array:
         return free_run(self.cable, given, load.sample_time)
 

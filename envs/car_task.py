@@ -142,7 +142,7 @@ class Car(Structure):
         return road
 
     def reference(
-        self, given: Array, load: Road, timestep: float, weights: CarReward, command_max: float
+        self, given: Array, load: Road, timestep: float, weights: CarReward, command_max: float, period: float
     ) -> Array:
         return reference_run(self.car, given, timestep)
 

@@ -145,7 +145,7 @@ class Frame(Structure):
         return weights
 
     def reference(
-        self, given: Array, load: GroundMotion, timestep: float, weights: FrameReward, command_max: float
+        self, given: Array, load: GroundMotion, timestep: float, weights: FrameReward, command_max: float, period: float
     ) -> Sequence[float]:
         return reference_run(self.models[0], given, timestep, weights.reference, command_max)
 

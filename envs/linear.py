@@ -24,8 +24,9 @@ from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.linear_rows import LinearChain, LinearRows, forces_of
 from mrdamp.envs.linear_site import LinearSite
 from mrdamp.envs.linear_xml import LinearView, linear_xml
-from mrdamp.envs.loads import MotionSource
+from mrdamp.envs.loads import MotionSource, played
 from mrdamp.envs.options import model_of
+from mrdamp.envs.plants import periods
 from mrdamp.envs.structure import Criterion, Structure, largest_force
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
@@ -104,10 +105,13 @@ class LinearStructure(Structure, metaclass=_Kind):
     rod: ClassVar[str] = ""
     whole: ClassVar[float] = 0.0
     option, source, Source, drawn_size, cameras = "motion", "motions", MotionSource, 0.1, ("front",)
+    more: ClassVar[tuple[str, ...]] = ("compression",)
     exponent: ClassVar[float] = 4.0
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
+        if cls.option != "motion" and "more" not in cls.__dict__:
+            cls.more = ()
         cls.engines = {"mujoco": (LinearRows, 5e-4), "chain": (LinearChain, 1e-3)}
         if "goals" not in cls.__dict__:
             return
@@ -232,17 +236,23 @@ class LinearStructure(Structure, metaclass=_Kind):
         return self.some(np.random.default_rng([VALIDATION_SEED, 4]), 6)
 
     def load(self, rng: np.random.Generator, source: Any, options: Mapping[str, Any]) -> Any:
-        given = options.get(self.option)
-        return source.draw(rng) if given is None else given
+        given, compression = options.get(self.option), options.get("compression")
+        if given is None:
+            return source.draw(rng)
+        return given if self.option != "motion" else played(given, compression)
 
-    def reference(self, given: Array, load: Any, timestep: float, weights: Any, command_max: float) -> Array:
-        return self.uncontrolled(load)
+    def reference(
+        self, given: Array, load: Any, timestep: float, weights: Any, command_max: float, period: float
+    ) -> Array:
+        return self.uncontrolled(load, period)
 
-    def uncontrolled(self, load: Any) -> Array:
-        """(goals,) mean squares or peaks without the damper. Raises InputError where nothing moves."""
+    def uncontrolled(self, load: Any, period: float = 0.0) -> Array:
+        """(goals,) mean squares or peaks without the damper, over the control periods (s) of a run, the last of which
+        holds the load's last value. Raises InputError where nothing moves."""
         s, given, n = self.system, forces_of(self, load), len(self.system.stroke)
         inner = max(1, math.ceil(load.sample_time / _STEP - 1e-9))
-        at = np.arange((len(given) - 1) * inner + 1) / inner
+        until = periods(load.duration, period) * period if period else load.duration
+        at = np.arange(math.ceil(until / load.sample_time * inner - 1e-6) + 1) / inner
         w = np.stack([np.interp(at, np.arange(len(given)), column) for column in given.T], axis=1)
         a = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), s.rate])
         b = np.vstack([np.zeros_like(s.loaded), s.loaded])
@@ -260,7 +270,9 @@ class LinearStructure(Structure, metaclass=_Kind):
         return found
 
     def told(self, load: Any, reference: Sequence[float] | Array) -> dict[str, Any]:
-        return {f"reference_{name}": float(x) for name, x in zip(self.goals, reference, strict=True)}
+        sizes = (math.sqrt(x) if g.how == "rms" else x for g, x in zip(self.goals.values(), reference, strict=True))
+        found = {f"reference_{name}": float(x) for name, x in zip(self.goals, sizes, strict=True)}
+        return found | ({"speed": load.speed} if hasattr(load, "speed") else {})
 
     def reference_motion(self, values: Array) -> float:
         """m, of the first displacement among the goals, or of the first goal's acceleration at the first frequency."""

@@ -136,8 +136,9 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def _identity(self) -> str:
         task = self.task
-        parts = (task.structure, type(task.rows), task.rows.period, task.rows.plants.timestep, task.observation_space)
-        return repr(parts)
+        own = (task.structure, type(task.rows), task.rows.period, task.rows.plants.timestep)
+        told = (task.observer.to_dict(), task.command_max.tolist(), task.weights, task.disturbed)
+        return repr((*own, *told))
 
     def get_state(self) -> EnvState:
         """The state, for this or another environment with the same arguments."""

@@ -127,9 +127,10 @@ class Structure(ABC):
 
     @abstractmethod
     def reference(
-        self, given: Array, load: Any, timestep: float, weights: Any, command_max: float
+        self, given: Array, load: Any, timestep: float, weights: Any, command_max: float, period: float
     ) -> Sequence[float] | Array:
-        """What the reward is relative to. given: of `EngineRows.start`; timestep: of the rows, s. Raises InputError."""
+        """What the reward is relative to. given: of `EngineRows.start`; timestep: of the rows, period: of control, s.
+        Raises InputError."""
 
     @abstractmethod
     def told(self, load: Any, reference: Sequence[float] | Array) -> dict[str, Any]:

@@ -76,6 +76,8 @@ def check_options(options: Mapping[str, Any], *allowed: str) -> float:
     unknown = sorted(set(options) - set(allowed))
     if unknown:
         raise InputError(f"reset: option {unknown[0]!r} is unknown; allowed: {', '.join(allowed)}")
+    if "compression" in options and options.get("motion") is None:
+        raise InputError("reset: compression is that of a motion that is given; give one, or leave it out")
     numbers = {name: options[name] for name in ("amplitude", "speed", "compression") if name in options}
     require_positive("reset", **numbers)
     return float(options.get("amplitude", 1.0))
@@ -104,6 +106,7 @@ class Task:
         )
         self.rows, self.score, self.observer, self.n = rows, Score(self.weights, n), observer, n
         self.noise = Noise(given.noise or {}, rows.names)
+        self.disturbed = given.noise, given.randomise
         # If the rows add it themselves, its seed is drawn at every start.
         self._own_noise = bool(self.noise.where) and rows.add_noise(self.noise.all)
         if self._own_noise:
@@ -154,9 +157,9 @@ class Task:
         if self._own_noise:
             rows.seed(row, rng)
         given, own, step = rows.start(row, load), rows.of(row).structure, rows.plants.timestep
-        largest = float(self.command_max[0])
+        largest, period = float(self.command_max[0]), rows.period
         reference = self._references.of(
-            given, drawn, lambda: own.reference(given, load, step, self.weights, largest)
+            given, drawn, lambda: own.reference(given, load, step, self.weights, largest, period)
         )
         self.score.start(row, reference, int(rows.steps[row]))
         told = whole.told(load, reference)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -25,12 +26,16 @@ def train(options: Options, out: Path | str, progress: Progress | None = None) -
     out = Path(out)
     chosen = settings(options)
     own = json.loads(json.dumps({"options": options.to_dict(), "settings": asdict(chosen)}))
+    own["files"] = _files(options)
     claim, finished = out / "options.json", out / "training.json"
-    held = json.loads(claim.read_text()) if claim.is_file() else own
+    held = _read(claim) if claim.is_file() else own
+    changed = [name for name, digest in own["files"].items() if held.get("files", {}).get(name, digest) != digest]
+    if changed:
+        raise InputError(f"{out}: holds a training with another content of {changed[0]}; choose another folder")
     if _without_length(held) != _without_length(own) or chosen.n_timesteps < held["settings"]["n_timesteps"]:
         raise InputError(f"{out}: holds a training with other options, or a longer one; choose another folder")
     if finished.is_file() and held == own:
-        kept = json.loads(finished.read_text())
+        kept = _read(finished)
         return Result(out, tuple(kept["curve"]), kept["seconds"])
     out.mkdir(parents=True, exist_ok=True)
     finished.unlink(missing_ok=True)
@@ -40,6 +45,34 @@ def train(options: Options, out: Path | str, progress: Progress | None = None) -
     run.learn(progress or (lambda what, share: None))
     write_atomic(finished, json.dumps({"curve": run.curve, "seconds": run.seconds()}, indent=1) + "\n")
     return Result(out, tuple(run.curve), run.seconds())
+
+
+def _read(file: Path) -> dict[str, Any]:
+    """InputError where a file of the folder is damaged."""
+    try:
+        return dict(json.loads(file.read_text(encoding="utf-8")))
+    except ValueError:
+        raise InputError(f"{file}: damaged; delete the folder, and the training begins again") from None
+
+
+def _files(options: Options) -> dict[str, str]:
+    """Digests of the files that the options name: a structure of one's own, a model, motions."""
+    found: dict[str, str] = {}
+
+    def look(value: Any) -> None:
+        if isinstance(value, Mapping):
+            for each in value.values():
+                look(each)
+        elif isinstance(value, (list, tuple)):
+            for each in value:
+                look(each)
+        elif isinstance(value, (str, Path)):
+            file = Path(str(value).rpartition(":")[0] if ".py:" in str(value) else value)
+            if file.is_file():
+                found[str(value)] = hashlib.sha256(file.read_bytes()).hexdigest()
+
+    look(json.loads(json.dumps(options.to_dict(), default=str)))
+    return found
 
 
 def _without_length(claim: Mapping[str, Any]) -> dict[str, Any]:

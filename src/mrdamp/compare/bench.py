@@ -238,8 +238,8 @@ class Bench(ABC):
 
     @property
     def measured(self) -> Sequence[str]:
-        """What controllers are given, by name."""
-        return self.structure.names
+        """What controllers are given, by name: what a rig measures, and no true force behind a sensor."""
+        return [name for name in self.structure.names if name not in ("true_force", "current")]
 
     @property
     def tuned(self) -> Mapping[str, str]:

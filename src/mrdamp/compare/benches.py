@@ -14,8 +14,9 @@ from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.goals import GoalBench
 from mrdamp.envs.linear import own_kind
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.model import Model
+from mrdamp.motions import TIME_SCALE
 from mrdamp.outside import NAMED
 from mrdamp.structures import dyke1996
 
@@ -41,27 +42,30 @@ def bench_of(
     """The bench of a structure. Raises InputError.
 
     model: of the damper, or its file; None: the published one. command_unit: A or V; None: V for the published model,
-    else A. period: s; None: 1 ms of the frame, else 5 ms. Of a frame alone: compression of time, None: five times;
-    dampers: pairs of floors between which a frame has dampers; none: its model's. told: what controllers of a frame are
-    told in place of the model.
+    else A. period: s; None: 1 ms of the frame, else 5 ms. compression: of the time of ground
+    motions, None: five times. Of a frame alone: dampers: pairs of floors between which it
+    has dampers; none: its model's. told: what controllers of a frame are told in place of the model.
     """
     if structure not in STRUCTURES and not NAMED.fullmatch(structure):
         raise InputError(f"environment {structure!r} is unknown; there are {', '.join(STRUCTURES)}, file.py:NAME")
     kind = STRUCTURES.get(structure)
     unit = command_unit or ("V" if model is None else "A")
     read = model if model is None or isinstance(model, Model) else Model.read(model)
+    fast = TIME_SCALE if compression is None else compression
+    require_positive("compare", compression=fast)
     if kind == "frame":
         lied = None if told is None else _framed(told if isinstance(told, Model) else Model.read(told), dampers)
         shown = _framed(frame_model() if read is None else read, dampers)
-        fast = 5.0 if compression is None else compression
         return FrameBench(shown, unit, fast, 1e-3 if period is None else period, engine=engine, told=lied)
-    for option, own in (("dampers", dampers), ("told", told), ("compression", compression)):
+    for option, own in (("dampers", dampers), ("told", told)):
         if own:
             raise InputError(f"--{option} is for a frame; leave it out")
+    if compression is not None and kind is not None:
+        raise InputError("--compression is for ground motions; leave it out")
     given: dict[str, Any] = {} if read is None else {"model": read}
     others: dict[str, Any] = {"command_unit": unit, "period": 5e-3 if period is None else period, "engine": engine}
     if kind is None:
-        return GoalBench(own_kind(structure)(**given), **others)
+        return GoalBench(own_kind(structure)(**given), compression=fast, **others)
     return CableBench(**given, **others) if kind == "cable" else CarBench(**given, **others)
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import math
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,6 +18,8 @@ from mrdamp.compare.plant_run import PlantBench, PlantRun
 from mrdamp.control import registry
 from mrdamp.control.told import knowledge
 from mrdamp.envs.linear import LinearStructure
+from mrdamp.envs.loads import played
+from mrdamp.motions import TIME_SCALE
 
 _SEED, _MANY = 9_000_401, 6  # of the loads of the evaluation, for judging alone
 
@@ -26,6 +29,7 @@ class GoalBench(PlantBench):
     """A structure with goals. Raises InputError."""
 
     of: LinearStructure
+    compression: float = TIME_SCALE  # of the time of motion files
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
 
     @property
@@ -65,7 +69,7 @@ class GoalBench(PlantBench):
         return self.structure.site(self.command_max, self.period)
 
     def uncontrolled(self, load: Any) -> dict[str, Any]:
-        return dict(zip(self.structure.goals, self.structure.uncontrolled(load).tolist(), strict=True))
+        return dict(zip(self.structure.goals, self.structure.uncontrolled(load, self.period).tolist(), strict=True))
 
     def kept(self, run: PlantRun) -> dict[str, Any]:
         found = {}
@@ -82,13 +86,16 @@ class GoalBench(PlantBench):
     def effort(self, kind: str) -> tuple[int, int]:
         return 1, 100_000 if kind == "force-tracking" else 400_000
 
+    def read(self, files: Sequence[Path], speed: float) -> Sequence[Any]:
+        return [played(motion, self.compression) for motion in super().read(files, speed)]
+
     def unseen_loads(self) -> list[Any]:
         return self.structure.some(np.random.default_rng(_SEED), _MANY)
 
     def own_identity(self) -> list[Any]:
         s = self.structure
         loads = b"".join(content(s.forces(load)) for load in self.tuning_loads())
-        own = content(s.system) + content(s.at) + content(s.goals) + loads
+        own = content(s.system) + content(s.at) + content(s.goals) + content([s.strong, s.rod]) + loads
         return [hashlib.sha256(own).hexdigest(), s.models[0].to_dict()["model"], self.period, self.timestep]
 
     def key(self, spec: str, load: Any, amplitude: float) -> str:

@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import pickle
@@ -79,7 +80,7 @@ def _build(rest: str, task: MakeTask, site: Any) -> Controller:
     if NAMED.fullmatch(rest) is None:
         return SavedPolicy(rest, task)
     made = named(rest, "controller")
-    found = ask(rest, made, site)
+    found = ask(rest, made, copy.deepcopy(site))  # what it changes there is not the plant's
     if not isinstance(found, Controller):
         raise InputError(f"controller {rest}: it lacks some of name, period, reset and command (mrdamp.control.base)")
     require_period(f"controller {rest}", found.period)
@@ -113,10 +114,12 @@ class SavedPolicy:
         self._policy = _policy(zipped)
         for what, wanted in (("observation", made.observation_space), ("action", made.action_space)):
             space = getattr(self._policy, f"{what}_space")
-            if not isinstance(space, Box) or space.shape != wanted.shape:
+            # Bounds of actions say what the numbers mean; those of observations may be a wrapper's.
+            same = isinstance(space, Box) and space.shape == wanted.shape and (what == "observation" or space == wanted)
+            if not same:
                 raise InputError(
-                    f"{zipped}: its {what}s are {space}; allowed here: of shape {wanted.shape} (give the environment's "
-                    "arguments in a .json beside it)"
+                    f"{zipped}: its {what}s are {space}; allowed here: {wanted} (give the environment's arguments in a "
+                    ".json beside it)"
                 )
         self.reset()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,10 +49,10 @@ class PlantRun:
 
 
 def run_plant(
-    make: Callable[[float], RowPlant], load: Any, controller: Controller, period: float
+    make: Callable[[float], RowPlant], load: Any, controller: Controller, period: float, measured: Sequence[str]
 ) -> PlantRun:
     """A controller over a load. make: a plant from its control period, s; period: of the plant, unless the controller's
-    own is no multiple of it."""
+    own is no multiple of it; measured: what the controller is given, in a copy of its own."""
     every = round(controller.period / period)
     if abs(every * period - controller.period) > 1e-9 * period or every < 1:
         period, every = controller.period, 1
@@ -61,7 +61,7 @@ def run_plant(
     sampled.reset()
     y, rows, said = plant.reset(load), [], []
     while not plant.finished:
-        command = sampled.command(plant.time, dict(y))
+        command = sampled.command(plant.time, {name: y[name] for name in measured})
         y = plant.step(command)
         rows.append((command, y["current"], y["true_force"], y["stroke"]))
         said.append(tuple(plant.of_period))
@@ -96,5 +96,5 @@ class PlantBench(Bench):
 
     def driven(self, controller: Controller, load: Any, amplitude: float) -> dict[str, Any]:
         """What is kept of a controller's run. Raises InputError."""
-        run = run_plant(self.plant, load.scaled(amplitude), controller, self.period)
+        run = run_plant(self.plant, load.scaled(amplitude), controller, self.period, self.measured)
         return {**self.kept(run), **run.electric(self.command_unit, self.site.command_max)}

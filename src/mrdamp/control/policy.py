@@ -148,6 +148,9 @@ class Policy:
         return self
 
     def command(self, t: float, y: Mapping[str, float]) -> Any:
+        wrong = [name for name in self.observer.signals if not np.isfinite(y[name]).all()]
+        if wrong:  # its memory would keep it for ever
+            raise InputError(f"{self.whose}: the measurement {wrong[0]} is {y[wrong[0]]}; allowed: finite numbers")
         y = self._unlagged(y)
         seen = self.observer(y, self._command)
         found = self.commands(np.atleast_2d(seen), y.get("force", 0.0))
