@@ -15,6 +15,7 @@ from scipy.linalg import eigh
 
 from env_arguments import OWN
 from mrdamp import cli
+from mrdamp.compare.benches import bench_of
 from mrdamp.envs import Goal, LinearStructure, Mechanics
 from mrdamp.envs.linear import own_kind
 from mrdamp.envs.plant import RowPlant
@@ -24,7 +25,9 @@ from refusals import refuses
 
 Isolated: Any = own_kind(OWN)
 DASHPOT = 900.0
-DAMPER = Model("bingham", {"c0a": DASHPOT, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 1.0, "command_max": 1.0})
+DAMPER = Model(
+    "bingham", {"c0a": DASHPOT, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 1.0, "command_max": 1.0}
+)
 #: kg; storey by storey N/m, N s/m.
 MASS, STIFFNESS, DAMPING = [150.0, 100.0, 100.0, 100.0], [9e4, 9e5, 9e5, 9e5], [250.0, 300.0, 300.0, 300.0]
 
@@ -66,7 +69,9 @@ def test_a_sine_passes_as_the_transfer_function_says(engine: str) -> None:
         seen = []
         while not plant.finished:
             y = plant.step(0.0)
-            seen.append([plant.time, y["displacement_base"], y["acceleration_top"], y["velocity_top"], y["force"]])
+            seen.append(
+                [plant.time, y["displacement_base"], y["acceleration_top"], y["velocity_top"], y["force"]]
+            )
         time, *signals = np.array(seen)[1400:-2].T
         waves = np.stack([np.sin(w * time), np.cos(w * time)], axis=1)
         wanted = x[0], 1 - w**2 * x[3], 1j * w * x[3], 1j * w * DASHPOT * x[0]
@@ -121,6 +126,40 @@ def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
     drift, shaking = Single().uncontrolled(GroundMotion("step", 1e-3, np.full(many + 1, 1.5)))
     assert drift == pytest.approx(2 * 1.5 / 100.0, rel=1e-3)
     assert shaking == pytest.approx(1.5 * 1.5**2, rel=2e-3)
+    # A load of .1 s and control periods of .03 s: the run has four of them, the last of which holds the load.
+    w, until = 10.0, 0.12
+    mean = 1.5**2 * (1.5 - 2 * np.sin(w * until) / (w * until) + np.sin(2 * w * until) / (4 * w * until))
+    drift, shaking = Single().uncontrolled(GroundMotion("short", 1e-3, np.full(101, 1.5)), 0.03)
+    assert drift == pytest.approx(1.5 / 100 * (1 - np.cos(w * until)), rel=1e-3)
+    assert shaking == pytest.approx(mean, rel=0.02)
+
+
+def test_a_motion_file_is_played_as_on_the_frame(tmp_path: Path) -> None:
+    """Five times as fast unless it is said; a motion that is no file as it is."""
+    file = tmp_path / "m.csv"
+    t = np.arange(2001) / 200
+    np.savetxt(
+        file, np.c_[t, np.sin(3 * t)], delimiter=",", header="time_s,ground_acceleration_m_s2", comments=""
+    )
+    env: Any = gymnasium.make("mrdamp/Structure-v0", structure=OWN, engine="chain")
+    for options, lasts, speed in (({}, 2.0, 5.0), ({"compression": 2}, 5.0, 2.0)):
+        info = env.reset(options={"motion": str(file), **options})[1]
+        assert info["duration"] == pytest.approx(lasts)
+        assert info["speed"] == speed
+    for compression, lasts in ((None, 2.0), (1.0, 10.0)):
+        bench = bench_of(OWN, compression=compression)
+        assert bench.read([file], 0.0)[0].duration == pytest.approx(lasts)
+    refuses(lambda: env.reset(options={"compression": 2}), "compression is that of a motion that is given")
+    refuses(lambda: bench_of("car", compression=2.0), "--compression is for ground motions")
+
+
+def test_the_reference_of_an_rms_goal_is_an_rms() -> None:
+    env: Any = gymnasium.make("mrdamp/Structure-v0", structure=OWN, engine="chain")
+    reference = env.reset(seed=3)[1]["reference_shaking"]
+    over = False
+    while not over:
+        _, _, _, over, info = env.step(np.array([-1.0], np.float32))
+    assert info["rms_shaking"] / reference == pytest.approx(info["shaking_ratio"], rel=1e-6)
 
 
 def test_engine_and_chain_say_the_same_of_an_episode() -> None:
@@ -135,7 +174,9 @@ def test_engine_and_chain_say_the_same_of_an_episode() -> None:
     np.testing.assert_allclose(found[0], found[1], rtol=0.03, atol=0.01)
 
 
-def test_the_ordinary_commands_compare_and_train_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_ordinary_commands_compare_and_train_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     given = ["--controllers", "passive-off", "passive-on", "clipped-optimal", "skyhook", "--engine", "chain"]
     assert cli.main(["compare", OWN, *given, "--jobs", "2", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["controllers"]
@@ -187,7 +228,11 @@ def test_matrices_that_are_none_get_one_line(name: str, value: Any, message: str
     ("old", "new", "message"),
     [
         ('"rms", 0.5', '"mean", 0.5', "goal: how is 'mean'; allowed: rms, peak"),
-        ('"displacement", "peak"', '"drift", "peak"', "goal: of is 'drift'; allowed: acceleration, displacement"),
+        (
+            '"displacement", "peak"',
+            '"drift", "peak"',
+            "goal: of is 'drift'; allowed: acceleration, displacement",
+        ),
         ('"peak", 0.5', '"peak", 0.0', "goal of base: weight is 0.0; allowed"),
         ('Goal("top"', 'Goal("roof"', "Isolated: no place 'roof'; there are base, top"),
         ('2.0, "base"', '2.0, "cellar"', "Isolated: no place 'cellar'"),
@@ -195,7 +240,11 @@ def test_matrices_that_are_none_get_one_line(name: str, value: Any, message: str
         ("(0, 0, 0, 1)", "(0, 0, 1)", r"Isolated: place top has shape \(1, 3\); allowed: \(4,\)"),
         ("(0, 0, 0, 1)", '(0, 0, 0, float("nan"))', "Isolated: place top holds NaN"),
         ("(0, 0, 0, 1)", '"last"', "Isolated: place top is"),
-        ("def mechanics", "mechanics = list\n    def other", r"mechanics\(\) gives a list; allowed: a Mechanics"),
+        (
+            "def mechanics",
+            "mechanics = list\n    def other",
+            r"mechanics\(\) gives a list; allowed: a Mechanics",
+        ),
         ("return default_damper()", "return 3", r"Isolated: damper\(\) gives a int"),
         ('name = "isolated"', "pass", "Isolated: no name; it needs name, places, goals"),
         ("9e4, 9e5", "0.0, 9e5", "mechanics: stiffness is not positive definite"),
@@ -210,12 +259,17 @@ def test_structures_that_are_none_get_one_line(tmp_path: Path, old: str, new: st
     refuses(lambda: own_kind(f"{file}:Isolated")(), message)
 
 
-@pytest.mark.parametrize("forces", [np.zeros(100), np.zeros((100, 2)), np.full((100, 1), np.nan), np.zeros((0, 1))])
+@pytest.mark.parametrize(
+    "forces", [np.zeros(100), np.zeros((100, 2)), np.full((100, 1), np.nan), np.zeros((0, 1))]
+)
 def test_forces_that_are_none_get_one_line(forces: Any) -> None:
     class Pushed(Isolated):  # type: ignore[misc]
         def forces(self, load: Any) -> Any:
             return forces
 
-    load, message = GroundMotion("odd", 1e-3, np.ones(100)), r"odd: forces have .*; allowed: finite \(samples, 1\)"
+    load, message = (
+        GroundMotion("odd", 1e-3, np.ones(100)),
+        r"odd: forces have .*; allowed: finite \(samples, 1\)",
+    )
     refuses(lambda: Pushed().uncontrolled(load), message)
     refuses(lambda: RowPlant(Pushed()).reset(load), message)

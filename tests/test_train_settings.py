@@ -7,8 +7,10 @@ from typing import Any
 
 import pytest
 
+from env_arguments import OWN
 from mrdamp.cli import main
 from mrdamp.errors import InputError
+from mrdamp.train.learn import train
 from mrdamp.train.settings import ALGORITHMS, Options, settings
 from mrdamp.train.worlds import world
 
@@ -31,7 +33,9 @@ def test_every_algorithm_has_hyperparameters_that_its_environment_takes(
 
 
 def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:
-    options = Options(overrides=("learning_rate=1e-4", "env_kwargs.history=7", "n_envs=4", "freeze=7"), timesteps=123)
+    options = Options(
+        overrides=("learning_rate=1e-4", "env_kwargs.history=7", "n_envs=4", "freeze=7"), timesteps=123
+    )
     chosen = settings(options)
     assert (chosen.learner["learning_rate"], chosen.env_kwargs["history"]) == (1e-4, 7)
     assert (chosen.n_envs, chosen.n_timesteps) == (4, 123)
@@ -70,3 +74,21 @@ def test_wrong_options_are_refused_in_a_line_by_the_command(
         assert error.startswith("mrdamp: ")
         assert said in error
     assert not list(tmp_path.glob("out/*/options.json"))
+
+
+def test_a_training_of_a_file_that_has_changed_is_refused(tmp_path: Path) -> None:
+    """A structure of one's own and its training, after a number in the file is another one."""
+    text = Path(OWN.rpartition(":")[0]).read_text()
+    file = tmp_path / "mine.py"
+    file.write_text(text)
+    few = ("population=4", "loads=2", "env_kwargs.timestep=0.005")
+    options = Options(f"{file}:Isolated", "es", timesteps=2000, overrides=few, evaluations=1)
+    train(options, tmp_path / "out")
+    curve = train(options, tmp_path / "out").curve
+    assert curve
+    file.write_text(text + "# changed\n")
+    with pytest.raises(InputError, match=r"another content of .*mine\.py"):
+        train(options, tmp_path / "out")
+    (tmp_path / "out" / "options.json").write_text("{")
+    with pytest.raises(InputError, match=r"options\.json: damaged"):
+        train(options, tmp_path / "out")
