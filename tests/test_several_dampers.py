@@ -242,7 +242,7 @@ def test_the_frame_alone_is_that_of_its_modes(file: Path) -> None:
     ("arguments", "says"),
     [
         (("cable", "--dampers", "0-1"), "--dampers is for a frame"),
-        (("car", "--compression", "2"), "--compression is for a frame"),
+        (("car", "--compression", "2"), "--compression is for ground motions"),
         (("cable", "--spread", "5"), "--spread is for a frame"),
         (("frame", "--dampers", "0-9", "--controllers", "passive-on"), "damper_between is"),
         (("frame", "--dampers", "0-1", "1-2", "--bound", "--controllers", "passive-on"), "--bound is for one damper"),

@@ -58,7 +58,7 @@ def add_to(commands: Any) -> None:
     p.add_argument("--amplitudes", nargs="+", type=float, metavar="A", help="factors on every motion")
     p.add_argument(
         "--compression", type=float, metavar="K",
-        help="of a frame: motions are played K times as fast (default: 5, as on the published one; full size: 1)",
+        help="ground motions are played K times as fast (default: 5, as on the published one; full size: 1)",
     )  # fmt: skip
     p.add_argument(
         "--model", type=Path, help="model file of a damper, or of a frame with one (default: published)"

@@ -194,7 +194,7 @@ def _by_files(simulators: Mapping[str, tuple[Model, Array]], problem: Problem) -
 
 
 def _notes(found: Searched, handed: FinalFit, worse: Mapping[str, Sequence[str]]) -> list[str]:
-    """Findings of the audit and of the search. worse: labels of the regimes in which a cause makes the gap larger."""
+    """Findings of the audit and of the search. worse: names of the regimes in which a cause makes the gap larger."""
     search, notes = found.search, list(found.notes)
     for cause, some in worse.items():
         if some:
