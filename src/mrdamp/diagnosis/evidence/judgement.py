@@ -98,8 +98,8 @@ def never_worse(
     """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
     it on left-out whole records, or if no model file takes it.
 
-    A named cause has to take MATERIAL of the nominal squares off in the cells of left-out folds. Without one the fit is
-    a correction without a reason, and has to reduce the gap there to UNNAMED_GAP of the nominal one.
+    A named cause has to take MATERIAL of the nominal squares off on left-out folds, in all or in the cells. Without one
+    the fit is a correction without a reason, and has to reduce the gap there to UNNAMED_GAP of the nominal one.
     """
     if decision.verdict == "none":
         return final, decision
@@ -112,7 +112,8 @@ def never_worse(
         named = 1.0 if seen else 1 - MATERIAL
         most = named if decision.verdict == "effect" else UNNAMED_GAP**2
         chosen = least_left_out(search, fits[decision.chosen.index])
-        reason = search.ratio(search.predicted(chosen), search.residual) <= most
+        left = search.predicted(chosen)
+        reason = min(search.ratio(left, search.residual), search.left_out_cost(chosen) / search.nominal_cost) <= most
     if reason and problem.cost(final.heldout) <= problem.cost(gaps) and in_file(problem.rig, final.fit):
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
