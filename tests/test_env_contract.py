@@ -315,3 +315,19 @@ def test_normalised_observations_are_about_one(make: Make, given: Mapping[str, A
     rms = np.sqrt(np.mean(np.concatenate(seen) ** 2, axis=0))
     assert ((rms > 0.4) & (rms < 2.5)).all(), dict(zip(signals, rms.tolist(), strict=True))
     refuses(lambda: make(1, normalise=True, observer=task.observer), "normalise is for")
+
+
+@pytest.mark.parametrize("other", [{"command_max": 0.5}, {"noise": {"force": 1.0}}, {"reward": {"drift": 2.0}}])
+def test_a_state_of_an_environment_with_other_arguments_is_refused(other: dict[str, Any]) -> None:
+    env = FrameEnv(engine="chain")
+    env.reset(seed=1)
+    state = env.get_state()
+    FrameEnv(engine="chain").set_state(state)
+    refuses(lambda: FrameEnv(engine="chain", **other).set_state(state), "the state is of another environment")
+
+
+@pytest.mark.parametrize("mask", [[True], [False] * 3, [True] * 5])
+def test_a_mask_of_rows_that_is_none_is_refused(mask: list[bool]) -> None:
+    env = FrameVectorEnv(3, engine="chain")
+    env.reset(seed=1)
+    refuses(lambda: env.reset(options={"reset_mask": np.array(mask)}), "reset_mask is .*allowed: 3 flags")

@@ -26,10 +26,12 @@ def train(options: Options, out: Path | str, progress: Progress | None = None) -
     out = Path(out)
     chosen = settings(options)
     own = json.loads(json.dumps({"options": options.to_dict(), "settings": asdict(chosen)}))
-    own["files"] = _files(options)
+    files = _files(options)
+    if files:
+        own["files"] = files
     claim, finished = out / "options.json", out / "training.json"
     held = _read(claim) if claim.is_file() else own
-    changed = [name for name, digest in own["files"].items() if held.get("files", {}).get(name, digest) != digest]
+    changed = [name for name, digest in files.items() if held.get("files", {}).get(name, digest) != digest]
     if changed:
         raise InputError(f"{out}: holds a training with another content of {changed[0]}; choose another folder")
     if _without_length(held) != _without_length(own) or chosen.n_timesteps < held["settings"]["n_timesteps"]:

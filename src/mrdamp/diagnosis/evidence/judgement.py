@@ -98,8 +98,9 @@ def never_worse(
     """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
     it on left-out whole records, or if no model file takes it.
 
-    A named cause has to take MATERIAL of the nominal squares off on left-out folds, in all or in the cells. Without one
-    the fit is a correction without a reason, and has to reduce the gap there to UNNAMED_GAP of the nominal one.
+    A named cause has to take MATERIAL of the nominal squares off on left-out folds, in all or in the cells; one that
+    channels show without a law may be small. Without a cause the fit is a correction without a reason, and has to
+    reduce the gap in the cells to UNNAMED_GAP of the nominal one.
     """
     if decision.verdict == "none":
         return final, decision
@@ -108,12 +109,13 @@ def never_worse(
     gaps = problem.gaps(nominal.residual)
     reason = True
     if decision.verdict in ("effect", "unknown"):
-        seen = any(search.direct.get(cause) for cause in decision.chosen.causes)
-        named = 1.0 if seen else 1 - MATERIAL
-        most = named if decision.verdict == "effect" else UNNAMED_GAP**2
         chosen = least_left_out(search, fits[decision.chosen.index])
-        left = search.predicted(chosen)
-        reason = min(search.ratio(left, search.residual), search.left_out_cost(chosen) / search.nominal_cost) <= most
+        left, most = search.ratio(search.predicted(chosen), search.residual), UNNAMED_GAP**2
+        if decision.verdict == "effect":
+            left = min(left, search.left_out_cost(chosen) / search.nominal_cost)
+            seen = any(search.direct.get(cause) for cause in decision.chosen.causes)
+            most = 1.0 if seen else 1 - MATERIAL
+        reason = left <= most
     if reason and problem.cost(final.heldout) <= problem.cost(gaps) and in_file(problem.rig, final.fit):
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
