@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.fits.least_squares import Fit, fit, taken_up
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings, Term
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -92,15 +92,6 @@ def test_what_is_told_of_a_fit_that_looked_along_rugged_coordinates_is_the_full_
         got = fit(problem, hypothesis, hypothesis.start(), most=most, tolerance=1e-2)
         np.testing.assert_array_equal(got.residual, problem.residuals(hypothesis, got.point)[0])
         assert got.cost == float(got.residual @ got.residual)
-
-
-@pytest.mark.parametrize("factor", [1.05, -1.0])
-def test_a_fit_in_rough_runs_is_taken_up_to_the_last_bit(factor: float) -> None:
-    got, problem = fitted(factor)
-    assert got.at is not None
-    again = taken_up(problem, got.hypothesis, got.point, got.at, None, converged=got.converged)
-    np.testing.assert_array_equal(again.jacobian, got.jacobian)
-    np.testing.assert_array_equal(again.residual, got.residual)
 
 
 LAW = {"c0a": 700.0, "c0b": 800.0, "alpha_a": 9e3, "alpha_b": 3e4, "k0": 900.0, "x0": 0.0, "k1": 400.0}

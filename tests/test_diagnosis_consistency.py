@@ -101,7 +101,7 @@ def test_a_wrong_law_widens_the_interval_of_a_named_cause() -> None:
         search = Search(problem, floor, Limits())
         search.keep(found)
         assert search.inexact == widened
-        final = FinalFit(found, (), problem.gaps(found.residual), problem)
+        final = FinalFit(found, problem.gaps(found.residual), problem)
         plain = spread(problem, found).intervals()
         regimes = estimates_by_regime(found, final)
         (named,) = named_effects(search, found, final, {"cubic": 0.9}, plain, regimes)
@@ -142,7 +142,7 @@ def test_a_cause_is_reported_in_the_form_of_the_last_fit() -> None:
         fit(problem, h, h.start()) for h in (Hypothesis(rig.nominal, (t,)) for t in (cubic, other))
     )
     search.keep(first)
-    final = FinalFit(last, (), problem.gaps(last.residual), problem)
+    final = FinalFit(last, problem.gaps(last.residual), problem)
     (named,) = named_effects(search, first, final, {"cubic": 0.9}, {}, estimates_by_regime(first, final))
     assert named.parameters == {"fifth": pytest.approx(0.5, abs=0.02)}
     assert named.by_regime

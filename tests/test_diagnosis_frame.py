@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from frame_case import DT, LAW, altered, believed, case_of, records
 from mrdamp.diagnosis.attribution.frame_blocks import blocks, place_shares
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.least_squares import Fit
-from mrdamp.diagnosis.fits.store import Kept, Store
+from mrdamp.diagnosis.fits.table import FitTable
 from mrdamp.diagnosis.frame_run import LIMITS, most_different, reduced, stepped, too_coarse
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.designs import columns, drawn
@@ -235,7 +236,9 @@ def test_the_cause_is_named(
 
 
 @pytest.mark.slow
-def test_a_lag_beside_wrong_numbers_is_one_cause(measured: dict[str, Record]) -> None:
+def test_a_lag_beside_wrong_numbers_is_one_cause(
+    measured: dict[str, Record], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Wrong numbers are freed before another cause is brought in for them."""
     model = believed(lag=False)
     wrong = {
@@ -244,12 +247,15 @@ def test_a_lag_beside_wrong_numbers_is_one_cause(measured: dict[str, Record]) ->
     case = case_of(replace(model, parameters=LAW | wrong), measured)
     fitted: list[str] = []
 
-    class Listing(Store):
-        def get(self, name: str) -> Kept | None:
-            fitted.append(name)
-            return super().get(name)
+    fit = FitTable.fitted
 
-    answer = diagnose(case, limits=replace(LIMITS, singles=3), store=Listing())
+    def listed(self: FitTable, hypothesis: Hypothesis, *a: Any, **more: Any) -> Fit:
+        found = fit(self, hypothesis, *a, **more)
+        fitted.append(found.name)
+        return found
+
+    monkeypatch.setattr(FitTable, "fitted", listed)
+    answer = diagnose(case, limits=replace(LIMITS, singles=3))
     assert answer.verdict == "effect"
     assert [e.effect for e in answer.effects] == ["driver_lag"]
     assert not [name for name in fitted if name.startswith("held") and "+" in name]

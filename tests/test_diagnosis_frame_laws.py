@@ -24,7 +24,6 @@ from mrdamp.diagnosis.fits.final import final_fit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.frame_run import reduced
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import FrameRig
@@ -157,7 +156,7 @@ def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.slow
 def test_a_law_is_handed_over_if_it_leaves_less_of_left_out_records() -> None:
-    found = searched(case(), 1, silent, None, Store())
+    found = searched(case(), 1, silent, None)
     other = other_law(case(), found.search.problem, fitted(found.search.problem, "shear_thinning"))
     assert other is not None
     final = final_fit(found.search, found.search.ranked(False)[0], rig=found.rig)

@@ -56,7 +56,7 @@ def test_a_correction_has_to_hold_on_left_out_records(
     problem = search.problem
     best = next(f for f in fits if f.hypothesis.causes)
     nominal = problem.gaps(problem.of_settings([{}])[0])
-    final = FinalFit(best, (), share * nominal, problem)
+    final = FinalFit(best, share * nominal, problem)
     monkeypatch.setattr(Search, "predicted", lambda self, found: share * self.residual)
     monkeypatch.setattr(search, "direct", {"cubic": 5.0} if seen else {})
     before = replace(decision, verdict=verdict, unknown=0.6)
@@ -86,6 +86,6 @@ def test_a_simulator_that_no_model_file_takes_is_not_handed_over() -> None:
     decision = decided(search, fits, {}, None)
     best = fits[decision.chosen.index]
     assert best.hypothesis.causes == ("cubic",)
-    final = FinalFit(best, (), search.problem.gaps(best.residual), search.problem)
+    final = FinalFit(best, search.problem.gaps(best.residual), search.problem)
     handed, after = never_worse(search, fits, final, decision)
     assert (after.verdict, handed.fit.hypothesis.coordinates) == ("unknown", ())

@@ -7,7 +7,6 @@ import pytest
 
 from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
 from mrdamp.diagnosis.fits import screening
-from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, refit_with_fewer_causes
 from mrdamp.diagnosis.fits.least_squares import fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
@@ -45,23 +44,6 @@ def _toy_parts() -> tuple[Array, Array]:
 X3, X1 = _toy_parts()
 
 
-def test_a_set_is_tried_without_each_of_its_causes() -> None:
-    """One that stood in for a wrong form beside it is not needed with the right one."""
-    problem = Problem(toy({"sign": 0.6}, 0.005))
-    search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
-    terms = {t.effect: t for t in problem.rig.terms}
-    pair = Hypothesis((), (terms["late"], terms["sign"]))
-    search.keep(fit(problem, pair, pair.start()))
-    (found,) = [f for f in search.ranked(False) if len(f.hypothesis.causes) == 2]
-    drop(search, found)
-    alone = {f.hypothesis.causes: f for f in search.ranked(False) if len(f.hypothesis.causes) == 1}
-    assert set(alone) == {("late",), ("sign",)}
-    assert search.solved(alone["sign",])
-    assert not search.solved(alone["late",])
-    drop(search, alone["sign",])
-    assert len(search.fits) == 5  # nothing to leave out of one
-
-
 def test_nothing_is_fitted_or_screened_twice() -> None:
     problem = Problem(toy({"sign": 0.6}, 0.005))
     search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
@@ -77,33 +59,3 @@ def test_nothing_is_fitted_or_screened_twice() -> None:
     assert set(map(id, search.cache.with_fixed_law().fits.values())) == {id(first)}
     assert id(free) in set(map(id, search.cache.fits.values()))
     assert list(search.cache.with_fixed_law().screens) == list(search.cache.screens)
-
-
-def test_a_lesser_cause_of_a_pair_is_exchanged_for_a_better_one() -> None:
-    problem = Problem(toy({"sign": 0.6, "offset": 0.3}, 0.005))
-    search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
-    terms = {t.effect: t for t in problem.rig.terms}
-    pair = Hypothesis((), (terms["sign"], terms["late"]))
-    search.keep(fit(problem, pair, pair.start()))
-    exchange(search)
-    best = search.best(False)
-    assert best is not None
-    assert set(best.hypothesis.causes) == {"sign", "offset"}
-    assert search.solved(best)
-
-
-def test_fewer_causes_beside_free_numbers_are_fitted_on_before_a_cause_more_counts() -> None:
-    problem = Problem(toy({"sign": 0.6, "gain": 2.3}, 0.005))
-    search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
-    terms = {t.effect: t for t in problem.rig.terms}
-    alone = Hypothesis(problem.rig.nominal, (terms["sign"],))
-    search.keep(fit(problem, alone, alone.start(), most=0))  # broken off where it began
-    pair = Hypothesis((), (terms["sign"], terms["cubic"]))
-    best = fit(problem, pair, pair.start())
-    search.keep(best)
-    assert search.ranked(True)[0].cost > best.cost
-    refit_with_fewer_causes(search, best)
-    found = search.ranked(True)[0]
-    assert found.hypothesis.causes == ("sign",)
-    assert found.cost < best.cost
-    assert search.solved(found)

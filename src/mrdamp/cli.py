@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"mrdamp: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("mrdamp: interrupted; run the same command again to go on", file=sys.stderr)
+        print("mrdamp: interrupted; run the same command again", file=sys.stderr)
         return 130
     except BrokenPipeError:  # of `mrdamp sets | head`; the interpreter would flush once more at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

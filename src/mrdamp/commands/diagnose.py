@@ -35,8 +35,9 @@ def add_to(commands: Any) -> None:
 
 def run_diagnose(a: argparse.Namespace) -> int:
     """Diagnoses a case, writes diagnosis.json, corrected.json, its MJCF and a page, prints sentence and table."""
+    import numpy as np
+
     from mrdamp.diagnosis.case.folder import read_case
-    from mrdamp.diagnosis.fits.store import Store, write_arrays
     from mrdamp.diagnosis.report.handover import hand_over
     from mrdamp.diagnosis.report.page import page
     from mrdamp.diagnosis.report.sentence import table
@@ -48,17 +49,15 @@ def run_diagnose(a: argparse.Namespace) -> int:
         raise InputError(f"--jobs is {a.jobs}; at least 1")
     case = read_case(a.case)
     a.out.mkdir(parents=True, exist_ok=True)
-    store = Store.of(a.out / ".fits.json", case)
-    found = diagnose(case, jobs=a.jobs or os.cpu_count() or 1, progress=_show_progress, store=store)
+    found = diagnose(case, jobs=a.jobs or os.cpu_count() or 1, progress=_show_progress)
     with together():
         found.corrected.write(a.out / "corrected.json")
         found = hand_over(found, case.records, a.out / "mjcf")
         if found.next_signal is not None:
             write_atomic(a.out / "next_experiment.csv", render(found.next_signal))
-        write_arrays(a.out / "arrays.npz", found.pictures)
+        write_atomic(a.out / "arrays.npz", lambda file: np.savez_compressed(file, **found.pictures))
         write_atomic(a.out / "diagnosis.json", json.dumps(found.to_dict(), indent=1) + "\n")
         page(found, case.model, case.records).write(a.out / "index.html")
-    store.remove()
     print(found.sentence)
     print(table(found))
     print(f"page: {a.out / 'index.html'}")

@@ -112,7 +112,6 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         corrected=model,
         unseen=hidden,
         notes=tuple(notes),
-        corrections=handed.corrections,
         intervals=intervals,
         drawn=models_of(handed.problem.rig, around.settings(), _DRAWN) if intervals else (),
         probabilities=causes,

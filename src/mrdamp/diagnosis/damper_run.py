@@ -23,7 +23,6 @@ from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law
 from mrdamp.diagnosis.problem.damper import DamperRig
@@ -46,7 +45,7 @@ from mrdamp.records import Record
 _FAR_OFF = 0.02
 
 
-def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | None, store: Store) -> Searched:
+def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | None) -> Searched:
     """Completed search of a damper's case. Raises InputError."""
     case, left = within(case)
     rig = DamperRig(case.model, case.records, threads=jobs).with_motion()
@@ -80,7 +79,7 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         problem = plain.like(trust=trust(plain, floor))
         most, own = limits or Limits(), own_cost(problem, base)
         cost = problem.cost(floor)
-        return Search(problem, cost, most, jobs, store, own=own, steady=noise.steady, direct=direct), floor
+        return Search(problem, cost, most, jobs, own=own, steady=noise.steady, direct=direct), floor
 
     search, floor = begun(rig)
     ends = frozenset(search.base.at_bounds)

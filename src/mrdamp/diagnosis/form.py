@@ -15,7 +15,6 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
-from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.run import concluded, searched
 from mrdamp.diagnosis.searched import Progress, silent
 from mrdamp.identify.fit import Fit as IdentifiedFit
@@ -63,7 +62,7 @@ def form_of(
     along with its law. Raises InputError."""
     case = Case(model.name, Path(), model, tuple(records), (), own=len(records))
     with threadpool_limits(limits=1):
-        found = searched(case, threads, progress, None, Store())
+        found = searched(case, threads, progress, None)
         made = concluded(found, progress)
     search, chosen, decision = found.search, made.chosen, made.decision
     if decision.verdict != "effect":

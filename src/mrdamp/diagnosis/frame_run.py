@@ -33,7 +33,6 @@ from mrdamp.diagnosis.fits.frame_search import FrameSearch
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
 from mrdamp.diagnosis.problem.noise import Noise, baseline_gap, channel_noise, floors, own_cost, repeatable
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -45,7 +44,7 @@ from mrdamp.records.sampling import derivative
 
 #: s, window over which samples are averaged; Hz, the remaining band (half of its inverse).
 _AVERAGE = 0.008
-LIMITS = Limits(singles=5, beam=2, additions=3, depth=2, polished=2, base=4, exchanged=0)
+LIMITS = Limits(singles=5, beam=2, additions=3, depth=2, polished=2, base=4)
 #: Number of fits with free parameters (the best for each number of causes) whose structural parameters are
 #: checked for outliers.
 _LOOKED_AT = 3
@@ -71,7 +70,7 @@ def reduced(case: Case, found: Sequence[Block] = (), threads: int = 1) -> tuple[
     return replace(case, records=tuple(averaged(r, block) for r in case.records), repeats=repeats), rig
 
 
-def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | None, store: Store) -> Searched:
+def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | None) -> Searched:
     """Completed search of a frame's case. Raises InputError."""
     limits = limits or LIMITS
     notes = list(audit(case))
@@ -95,15 +94,14 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
         return lambda what, share: progress(what, begin + (end - begin) * share)
 
     channels = compared_without_law(case, rig, found)
-    search, floor = _search(rig, noise, base, limits, jobs, store, part(0.05, 0.45))
+    search, floor = _search(rig, noise, base, limits, jobs, part(0.05, 0.45))
     _, decision = judge(search, rig, untouched, channels)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
     unexplained = any(c.unexplained for c in channels)
     outside = any(search.solved(f) for f in search.rivals) or (search.inexact and unexplained)
     if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
         rig = replace(rig, free_structure=True)
-        # Stored fits belong to other nominal parameters, except for those with fixed ones.
-        search, floor = _search(rig, noise, base, limits, jobs, Store(), part(0.45, 0.7), search)
+        search, floor = _search(rig, noise, base, limits, jobs, part(0.45, 0.7), search)
 
     return FrameSearched(small, rig, search, noise, floor, untouched, channels, notes, again, "", case, found, jobs)
 
@@ -197,7 +195,6 @@ def _search(
     base: Array,
     limits: Limits,
     jobs: int,
-    store: Store,
     progress: Progress,
     before: Search | None = None,
 ) -> tuple[Search, Array]:
@@ -210,7 +207,7 @@ def _search(
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.0)
     cost, own = float(np.sum(floor**2)) / len(rig.channels), own_cost(problem, base)
-    search = FrameSearch(problem, cost, limits, jobs, store, own=own, steady=noise.steady)
+    search = FrameSearch(problem, cost, limits, jobs, own=own, steady=noise.steady)
     if before is not None:
         search.cache = before.cache.with_fixed_law()
         for found in before.ranked(False):

@@ -15,7 +15,6 @@ from mrdamp.diagnosis.evidence.further import with_further
 from mrdamp.diagnosis.evidence.judgement import never_worse, with_nearest
 from mrdamp.diagnosis.fits.final import final_fit
 from mrdamp.diagnosis.fits.limits import Limits
-from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.frame_run import search_frame
 from mrdamp.diagnosis.problem.command_hold import with_hold
 from mrdamp.diagnosis.report.result import Diagnosis
@@ -28,33 +27,31 @@ def diagnose(
     jobs: int = 1,
     progress: Progress = silent,
     limits: Limits | None = None,
-    store: Store | None = None,
 ) -> Diagnosis:
-    """The answer for a case. It does not depend on the number of jobs or on whether the run was resumed from
-    a store.
+    """The answer for a case. It does not depend on the number of jobs.
 
     Raises InputError.
     """
     # One thread for BLAS: sums have the same order on every machine. Parallel work runs in processes.
     with threadpool_limits(limits=1):
         begun = time.monotonic()
-        found = searched(case, jobs, progress, limits, store or Store())
+        found = searched(case, jobs, progress, limits)
         conclusion = concluded(found, progress)
         progress("looking at what is tied and unseen", 0.85)
         return answer(found, conclusion, begun)
 
 
-def searched(case: Case, jobs: int, progress: Progress, limits: Limits | None, store: Store) -> Searched:
+def searched(case: Case, jobs: int, progress: Progress, limits: Limits | None) -> Searched:
     """Completed search of a case's rig; again with a held command, if only what was found shows that it is held."""
     search = search_frame if case.model.rig == "frame" else search_damper
     progress("reading the command between samples", 0.0)
     read, notes = with_hold(case, jobs)
-    found = search(read, jobs, progress, limits, store)
+    found = search(read, jobs, progress, limits)
     if notes and not read.model.hold:
         best = found.search.least
         again, said = with_hold(case, jobs, best.hypothesis.settings(best.point))
         if again.model.hold:
-            found, notes = search(again, jobs, progress, limits, Store()), said
+            found, notes = search(again, jobs, progress, limits), said
     return replace(found, notes=[*notes, *found.notes])
 
 

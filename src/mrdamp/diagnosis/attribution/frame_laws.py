@@ -118,7 +118,7 @@ def law_handed_over(other: OtherLaw, final: FinalFit) -> FinalFit | None:
     if not pooled(other.left_out) < min(pooled(final.heldout), UNNAMED_GAP * nominal):
         return None
     problem = own.like(with_model(own.rig, other.model))
-    return FinalFit(fit(problem, Hypothesis(()), np.zeros(0), most=0), (), other.left_out, problem)
+    return FinalFit(fit(problem, Hypothesis(()), np.zeros(0), most=0), other.left_out, problem)
 
 
 def gaps_with(problem: Problem, model: Model, held: Mapping[str, float] | None = None) -> Array:

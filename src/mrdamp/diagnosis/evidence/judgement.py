@@ -120,7 +120,7 @@ def never_worse(
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
     refused = replace(decision, verdict="unknown", unknown=unknown)
-    return FinalFit(nominal, (), gaps, problem), unchanged(refused, fits)
+    return FinalFit(nominal, gaps, problem), unchanged(refused, fits)
 
 
 def unexplained(decision: Decision, fits: Sequence[Fit]) -> Decision:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from mrdamp.diagnosis.fits.alternative_forms import drop, refit_with_fewer_causes, reform, try_second_cause
+from mrdamp.diagnosis.fits.alternative_forms import reform
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Progress, Search
 from mrdamp.diagnosis.fits.table import THROUGH
@@ -81,17 +81,12 @@ class FrameSearch(Search):
                 self.outside()
 
     def _finish(self, progress: Progress, at_fault: frozenset[str], *, law_explains_more: bool) -> None:
-        """Other forms, numbers and causes beside the best fit."""
+        """Other parameters and forms beside the best fit."""
         if not law_explains_more and not self._enough(at_fault):
             progress("one cause beside other numbers", 5 / 6)
             self.extend(True, 1)
         if not self._enough(at_fault):
             reform(self, self.least)
-        if len(self.least.hypothesis.causes) == 1 and not self.solved(self.least):
-            try_second_cause(self, self.least)
-        best = self.least
-        drop(self, best)
-        refit_with_fewer_causes(self, best)
 
     def _ahead(self) -> bool:
         """True if one cause with free parameters leaves much less than the best one without: two causes without

@@ -46,7 +46,7 @@ class Fit:
 
     point (coordinates,). cost: sum of squared residuals (sum over records of squared gaps, without the
     priors). residual (samples,) at the point. jacobian (samples, coordinates) at the point or at the start of
-    the last step. at (coordinates,): point of the Jacobian; None: `point`.
+    the last step.
     """
 
     hypothesis: Hypothesis
@@ -56,7 +56,6 @@ class Fit:
     jacobian: Array = field(repr=False)
     iterations: int = 0
     converged: bool = True
-    at: Array | None = field(default=None, repr=False)
 
     @property
     def name(self) -> str:
@@ -266,22 +265,11 @@ class _Descent:
         """The fit at the present point."""
         converged = self.converged or most == 0
         point, cost = self.q, float(self.r @ self.r)
-        if self.stepper is not self.rough:  # the Jacobian as `taken_up` computes it
+        if self.stepper is not self.rough:  # the Jacobian of coarse runs, as of fits that end on them
             self.stepper, self.q = self.rough, self.at
             self.own = self.rough_run()
             self.look()
-        return Fit(self.hypothesis, point, cost, self.r, self.j, self.iterations, converged, self.at)
-
-
-def taken_up(
-    problem: Problem, hypothesis: Hypothesis, point: Array, at: Array, known: Array | None, *, converged: bool
-) -> Fit:
-    """Recomputes a stored fit bit by bit. at: point of its Jacobian; known: its frozen columns."""
-    residual = problem.residuals(hypothesis, point)[0]
-    rough = problem.rougher(hypothesis)
-    before = rough.residuals(hypothesis, at)[0]
-    jacobian = _jacobian(rough, hypothesis, at, before, known)
-    return Fit(hypothesis, point, float(residual @ residual), residual, jacobian, 0, converged, at)
+        return Fit(self.hypothesis, point, cost, self.r, self.j, self.iterations, converged)
 
 
 def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> Array:

@@ -13,8 +13,8 @@ class Limits:
     that are extended. additions: causes added to each. forms: of each cause. depth: largest number of causes.
     polished: fits with free nominal parameters whose full Jacobian is computed. freed: fits with fixed
     nominal parameters, for each number of causes, that are repeated with free ones. base: iterations for the
-    nominal parameters alone. rivals: fits of causes outside the catalogue. exchanged: causes tried in place
-    of the weaker one of the best pair. reformed: other forms tried for a cause.
+    nominal parameters alone. rivals: fits of causes outside the catalogue. reformed: other forms
+    tried for a cause.
     """
 
     singles: int = 8
@@ -26,7 +26,6 @@ class Limits:
     freed: int = 2
     base: int = 15
     rivals: int = 3
-    exchanged: int = 2
     reformed: int = 4
 
 

@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from mrdamp.diagnosis.constants import EVIDENCE_GAIN
-from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, reform_rival
+from mrdamp.diagnosis.fits.alternative_forms import reform
 from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_a_look
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import BESIDE, FREE, NARROW, Limits
@@ -104,20 +104,11 @@ class Search(FitTable):
             single = self.best(free, 1)
             if depth == 1 and single is not None and not self.solved(single):
                 reform(self, single)
-        if self.pair_pays(False):
-            self.free_parts()
         self.free_best()
         for free in (False, True):
             best = self.best(free) if self.pair_pays(free) else self.best(free, 1)
             if best is not None and not self.solved(best):
                 reform(self, best)
-                reform_rival(self, best)
-        if self.pair_pays(False) or self.pair_pays(True):
-            exchange(self)
-        for free in (False, True):
-            best = self.best(free)
-            if best is not None:
-                drop(self, best)
         if not any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
             self.outside()
 
@@ -135,23 +126,6 @@ class Search(FitTable):
         if self.inexact and self.unexplained(pair) > 2 * NEARLY:
             return False
         return pair.cost - self.floor < _PAYS * (single.cost - self.floor)
-
-    def free_parts(self) -> None:
-        """Fits each cause of the best set alone with free nominal parameters: slightly wrong parameters look
-        like a second cause, and the two explanations have to be compared."""
-        best = self.best(False)
-        if best is None or len(best.hypothesis.causes) < 2:
-            return
-        tasks = []
-        low = len(best.hypothesis.nominal)
-        for term in best.hypothesis.terms:
-            count = len(term.coordinates)
-            hypothesis = self.base.hypothesis.plus(term)
-            start = np.concatenate([np.zeros(len(self.base.point)), best.point[low : low + count]])
-            low += count
-            if hypothesis.key not in self.fits:
-                tasks.append((hypothesis, start, None, np.inf))
-        self.keep_tried(tasks)
 
     def free_best(self) -> None:
         """Fits the best sets of each size with free nominal parameters, starting from the fixed ones.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -12,7 +12,7 @@ from joblib import Parallel, delayed
 
 from mrdamp.diagnosis.constants import EVIDENCE_GAIN, INEXACT, STALL_GAIN
 from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY, ScoreTest
-from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, taken_up
+from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit
 from mrdamp.diagnosis.fits.left_out import (
     Curves,
     Mask,
@@ -26,7 +26,6 @@ from mrdamp.diagnosis.fits.left_out import (
 )
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.stall import Stalls
-from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
@@ -79,7 +78,6 @@ class FitTable:
     floor: float
     limits: Limits = field(default_factory=Limits)
     jobs: int = 1
-    store: Store = field(default_factory=Store)
     fits: dict[tuple[bool, frozenset[str]], Fit] = field(default_factory=dict)
     own: float = 0.0
     failed: list[str] = field(default_factory=list)
@@ -251,7 +249,7 @@ class FitTable:
         bar: float = np.inf,
         tolerance: float = TOLERANCE,
     ) -> Fit:
-        """A fit from a start, or its stored result from an interrupted run.
+        """A fit from a start; none is made twice.
 
         known: constant columns of the Jacobian (of the nominal parameters, from the parent's fit). bar: the
         parent's cost, which has to be undercut. tolerance: see `fit`.
@@ -265,16 +263,9 @@ class FitTable:
             # the fit.
             rough, law = self.problem.rougher(hypothesis), range(len(hypothesis.nominal))
             known = rough.jacobian(hypothesis, start, rough.residuals(hypothesis, start)[0], law)
-        kept = self.store.get(name)
-        if kept is not None and kept.point.shape == start.shape:
-            ended = taken_up(self.problem, hypothesis, kept.point, kept.at, known, converged=kept.converged)
-            found = replace(ended, iterations=kept.iterations)
-        else:
-            how: dict[str, Any] = {"known": known, "frozen": known is not None, "bar": bar}
-            found = fit(self.problem, hypothesis, start, most=most, tolerance=tolerance, **how)
-            self.store.put(name, found.point, found.converged, found.at, found.iterations)
-        self.cache.fits[key] = found
-        return found
+        how: dict[str, Any] = {"known": known, "frozen": known is not None, "bar": bar}
+        self.cache.fits[key] = fit(self.problem, hypothesis, start, most=most, tolerance=tolerance, **how)
+        return self.cache.fits[key]
 
     def went(self, hypothesis: Hypothesis, start: Array, steps: int) -> bool:
         """True if a fit with fixed nominal parameters from this start has already used this many iterations.

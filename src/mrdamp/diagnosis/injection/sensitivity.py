@@ -19,7 +19,6 @@ import numpy as np
 
 from mrdamp import __version__
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.fits.store import content_key
 from mrdamp.diagnosis.injection.forms import FORMS
 from mrdamp.diagnosis.injection.inject import (
     NOT_EXACT,
@@ -124,8 +123,13 @@ class Study:
     @property
     def key(self) -> str:
         """Hash of the case, the seed and the version; results with another key are ignored."""
-        text = f"{content_key(self.case)} {self.seed} {__version__}"
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        case = self.case
+        h = hashlib.sha256(f"{self.seed} {__version__} {json.dumps(case.model.to_dict(), sort_keys=True)}".encode())
+        for record in (*case.records, *(r for r, _ in case.repeats), *case.baseline):
+            for name, values in record.channels.items():
+                h.update(name.encode())
+                h.update(np.ascontiguousarray(values).tobytes())
+        return h.hexdigest()[:16]
 
 
 def injected(study: Study, trial: Trial) -> tuple[Case, dict[str, float]] | None:

@@ -302,9 +302,6 @@ def _uncertainty(out: Page, found: Diagnosis) -> None:
     hidden = [(u["effect"], u["setting"], u["could_hide"], unit_of(u["setting"])) for u in found.unseen]
     columns = "effect", "parameter", "may be as far as", "unit"
     _table(out, "What these records cannot show", columns, hidden)
-    if found.corrections:
-        names = ", ".join(f"`{c}`" for c in found.corrections)
-        out.text("Corrections of form", f"In the corrected simulator, and not named as causes: {names}")
     test = found.next_experiment
     if test:
         file = f" Its inputs are in `{test['file']}`." if "file" in test else ""

@@ -134,13 +134,13 @@ class Diagnosis(Shown):
 
     question: changed, missed or either (see `Case.question`). probabilities: by cause, and of none, parameters,
     unknown. unseen: effects that these records cannot show, with the size that may be present. notes: audit, bounds,
-    failed fits. corrections: terms in the corrected model that correct a form and are not named. intervals: 95 %, of
-    every free setting of the corrected simulator's last fit. compared: channels of one quantity. remainder: None if the
-    corrected simulator reaches the noise. standing: probabilities of the causes and of their alternatives. signatures:
-    of a damper's loops. outside: cause outside the catalogue that explains an unknown gap. baseline_law: identified
-    again on the baseline, if it is used. beyond_baseline: how all records leave its regimes. other_law: identified on
-    these records, if it makes a cause needless. stepped: check of the MJCF on records. next_signal: columns of the next
-    test's CSV. drawn: the corrected model with jointly drawn parameters. pictures: arrays by name, for the page.
+    failed fits. intervals: 95 %, of every free setting of the corrected simulator's last fit. compared: channels of one
+    quantity. remainder: None if the corrected simulator reaches the noise. standing: probabilities of the causes and of
+    their alternatives. signatures: of a damper's loops. outside: cause outside the catalogue that explains an unknown
+    gap. baseline_law: identified again on the baseline, if it is used. beyond_baseline: how all records leave its
+    regimes. other_law: identified on these records, if it makes a cause needless. stepped: check of the MJCF on
+    records. next_signal: columns of the next test's CSV. drawn: the corrected model with jointly drawn parameters.
+    pictures: arrays by name, for the page.
     """
 
     picture: ClassVar[str] = "mrdamp.diagnosis.report.page:chain_picture"
@@ -158,7 +158,6 @@ class Diagnosis(Shown):
     corrected: Model
     unseen: tuple[Mapping[str, Any], ...] = ()
     notes: tuple[str, ...] = ()
-    corrections: tuple[str, ...] = ()
     probabilities: Mapping[str, float] = field(default_factory=dict)
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     compared: tuple[Mapping[str, Any], ...] = ()

@@ -241,8 +241,6 @@ def table(d: Diagnosis) -> str:
         lines.append(f"  outside the catalogue: {d.outside['cause']} {d.outside['form']}   {numbers}")
     for tie in d.indistinguishable:
         lines.append(f"  not distinguishable with these records: {', '.join(tie)}")
-    if d.corrections:
-        lines.append(f"  also in the corrected simulator, as a correction of a form: {', '.join(d.corrections)}")
     if d.stepped:
         apart = max(abs(row["mujoco_gap"] - row["offline_gap"]) for row in d.stepped)
         where = ", ".join(str(row["record"]) for row in d.stepped)
