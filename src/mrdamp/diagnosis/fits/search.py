@@ -42,6 +42,8 @@ _HOPELESS = 10.0
 _PAYS = 0.6
 #: Share of the excess below which a fit may become exact with another cause or form.
 _NEARS = 0.15
+#: Number of sets of causes that are tried in other forms: the right form decides between two that are close.
+_REFORMED = 2
 
 
 @dataclass
@@ -106,9 +108,9 @@ class Search(FitTable):
                 reform(self, single)
         self.free_best()
         for free in (False, True):
-            best = self.best(free) if self.pair_pays(free) else self.best(free, 1)
-            if best is not None and not self.solved(best):
-                reform(self, best)
+            for found in self.sets(free, 2 if self.pair_pays(free) else 1)[:_REFORMED]:
+                if not self.solved(found):
+                    reform(self, found)
         if not any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
             self.outside()
 
@@ -140,12 +142,7 @@ class Search(FitTable):
         alone = any(self.solved(f) for f in self.ranked(True)[:1])
         most = 1 if alone or not self.pair_pays(False) else self.limits.depth
         for depth in range(1, most + 1):
-            sets: dict[frozenset[str], Fit] = {}
-            for fixed_law in self.ranked(False):
-                if len(fixed_law.hypothesis.causes) == depth:
-                    sets.setdefault(frozenset(fixed_law.hypothesis.causes), fixed_law)
-            for fixed_law in list(sets.values())[: self.limits.freed]:
-                tasks.append(self.with_free_law(fixed_law))
+            tasks += [self.with_free_law(f) for f in self.sets(False, depth)[: self.limits.freed]]
         self.keep_fitted(tasks, most=8, stage=" freed")
 
     def explained_outside(self) -> bool:

@@ -295,6 +295,14 @@ class FitTable:
             key=lambda f: (f.cost, f.hypothesis.name),
         )
 
+    def sets(self, free: bool, count: int) -> list[Fit]:
+        """The best fit of each set of `count` causes, by cost."""
+        first: dict[frozenset[str], Fit] = {}
+        for f in self.ranked(free):
+            if len(f.hypothesis.causes) == count:
+                first.setdefault(frozenset(f.hypothesis.causes), f)
+        return list(first.values())
+
     def smallest(self, free: bool, causes: Iterable[str]) -> Fit | None:
         """The best fit of exactly these causes."""
         wanted = set(causes)
