@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from mrdamp.diagnosis.hypotheses.nominal_effects import own_settings, setting_name
@@ -21,12 +22,13 @@ class Change(NamedTuple):
 
 
 def changes(nominal: Model, found: Diagnosis) -> list[Change]:
-    """Every parameter that differs between the nominal and the corrected simulator, those of named effects first."""
+    """Every parameter that differs between the nominal and the corrected simulator in the three digits that are shown,
+    those of named effects first."""
     before, after = _settings(nominal), _settings(found.corrected)
     own = {
         setting_name(e.effect, key, e.place): e.intervals.get(key) for e in found.effects for key in e.parameters
     }
-    differ = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+    differ = [name for name in {**before, **after} if not _same(before.get(name), after.get(name))]
     return [
         Change(name, unit_of(name), before.get(name), after.get(name), own.get(name) or found.intervals.get(name))
         for name in sorted(differ, key=lambda name: name not in own)
@@ -44,6 +46,10 @@ def unit_of(name: str) -> str:
     if place and stem.startswith("sensor_") and unit == "N":
         unit = "m/s2"  # of a floor's accelerometer
     return "" if unit == "1" else unit
+
+
+def _same(old: float | None, new: float | None) -> bool:
+    return old is not None and new is not None and math.isclose(old, new, rel_tol=5e-4, abs_tol=1e-12)
 
 
 def _settings(model: Model) -> dict[str, float]:
