@@ -21,7 +21,7 @@ END = "<!-- end of the attribute tables -->"
 #: What stands over the tables.
 _LAWS = """Coefficients of the laws; the [table of laws](#laws) says which law needs which. A coefficient with suffixes
 is `p(b) = p_a + p_b b + p_c b^2 + p_e (1 - exp(-p_r b))`. Units: that given for `a` and `e`, per command for `b`,
-per command squared for `c`, 1 per command for `r`. `c`, `e`, `r` are optional (0, 0, 1); `r` is from 0, the others any."""
+per command squared for `c`, 1 per command for `r`. `c`, `e`, `r` are optional (0, 0, 1); `r` is from 0."""
 _REST = "For every law."
 
 
