@@ -29,7 +29,7 @@ def add_to(commands: Any) -> None:
     given.add_argument(
         "--model",
         type=Path,
-        help="model file of a frame of three storeys without effects, the nominal simulator (default: Dyke et al.)",
+        help="nominal simulator: a frame of three storeys without effects (default: Dyke et al.)",
     )
     given.add_argument(
         "--case",
@@ -60,7 +60,7 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument(
         "-o", "--out", type=OutFolder, required=True,
-        help="folder to write; the same command continues an interrupted run",
+        help="folder to write; an interrupted run continues",
     )  # fmt: skip
 
 

@@ -46,21 +46,21 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument(
         "--model", type=Path, nargs="+", default=[], metavar="FILE",
-        help="model file of the damper (default: the environment's own); es: several, to be robust over all of them",
+        help="model file of the damper (default: the environment's); es: several, for robustness over all",
     )  # fmt: skip
     p.add_argument(
         "--evaluations",
         type=int,
         default=10,
-        help="on validation loads, with checkpoints (default: %(default)s)",
+        help="evaluations on validation loads, with checkpoints (default: %(default)s)",
     )
     p.add_argument("--jobs", type=int, default=1, help="trainings at a time; the numbers are the same")
     p.add_argument(
         "--backend", choices=("loky", "ray"), default="loky",
-        help="of --jobs: processes here, or a Ray cluster (extra `cluster`; RAY_ADDRESS names one that runs)",
+        help="of --jobs: local processes, or a Ray cluster (extra `cluster`; RAY_ADDRESS: a running one)",
     )  # fmt: skip
     p.add_argument(
-        "-o", "--out", type=OutFolder, required=True, help="folder; the same command continues where it stopped"
+        "-o", "--out", type=OutFolder, required=True, help="folder to write; an interrupted run continues"
     )
 
 
