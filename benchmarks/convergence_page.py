@@ -52,8 +52,8 @@ def _random() -> list[str]:
     ]
     return [
         f"{_COUNT} draws (seed {_SEED}) of a law with one or two effects, parameters up to a factor of 20 from a"
-        " typical value. Records of 1 ms, commands that jump every 40 ms. Errors: RMS of the force at the default inner step"
-        " (0.5 ms) less that at 12.5 us, over the latter's RMS.\n",
+        " typical value. Records of 1 ms, commands that jump every 40 ms. Errors: RMS of the force at the default inner"
+        " step (0.5 ms) less that at 12.5 us, over the latter's RMS.\n",
         "| | draws | above 1 % | above 5 % | median | largest |\n|---|---:|---:|---:|---:|---:|",
         *rows,
         "\nAbove 5 %:\n\n| error | law | effects | rattling mass |\n|---:|---|---|---|",
