@@ -43,15 +43,16 @@ def span(low: float, high: float) -> str:
 
 def line(names: list[str], row: core.Attribute, meaning: str) -> str:
     """One row of a table: attributes that differ by their suffix alone share it."""
-    default = "-" if row.group == "law" else "not given" if row.default is None else number(row.default)
-    cells = [" ".join(f"`{name}`" for name in names), row.unit, default, span(row.minimum, row.maximum), meaning]
-    return "| " + " | ".join(cells) + " |"
+    limits = span(row.minimum, row.maximum)
+    if row.group != "law":
+        limits = f"{'not given' if row.default is None else number(row.default)}; {limits}"
+    return f"| {' '.join(f'`{name}`' for name in names)} | {row.unit} | {limits} | {meaning} |"
 
 
 def rows(of_laws: bool) -> Iterator[str]:
     """Lines of one table, the head first."""
-    yield "| attribute | unit | default | range | meaning |"
-    yield "|---|---|---|---|---|"
+    yield f"| attribute | unit | {'range' if of_laws else 'default; range'} | meaning |"
+    yield "|---|---|---|---|"
     known = {row.name: row for row in core.attributes()}
     stems = {name[:-1] for name in known if {f"{name[:-1]}a", f"{name[:-1]}b"} <= set(known)}
     for name, row in known.items():
