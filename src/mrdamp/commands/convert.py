@@ -33,8 +33,8 @@ def add_to(commands: Any) -> None:
         nargs="+",
         required=True,
         metavar="CHANNEL=NAME:UNIT",
-        help="where each channel comes from; a minus before NAME turns the sign, a number as the command's NAME is a"
-        " constant; columns without a header are 1, 2 and so on",
+        help="column and unit of each channel; a minus before NAME changes the sign, a number as the command's NAME is"
+        " a constant; columns without a header are 1, 2 ...",
     )
     p.add_argument(
         "--rate", type=float, metavar="HZ", help="resample to this rate; without a time_s column: the files' rate"

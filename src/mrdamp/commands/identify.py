@@ -96,8 +96,8 @@ def add_identify(commands: Any) -> None:
     p.add_argument(
         "--picture",
         type=Picture,
-        help="loops over the held-out records, or forces over time where the command varies; the lines of --by-command;"
-        " a network's choice and pruning (.svg, .png or .pdf)",
+        help="loops or forces of held-out records, lines of --by-command, a network's choice and pruning (.svg, .png or"
+        " .pdf)",
     )
     p.add_argument("--command-unit", default="A", choices=_UNITS)
     add_signals(p)
