@@ -29,8 +29,8 @@ def add_to(commands: Any) -> None:
     p.add_argument("environment", help="mrdamp/Frame-v0, mrdamp/Cable-v0, mrdamp/QuarterCar-v0, or file.py:NAME")
     p.add_argument(
         "--algo", default="es", choices=_ALGORITHMS,
-        help="stable-baselines3 (recurrent: sb3-contrib), es: evolution strategy, adjoint: gradients through the chain, "
-        "frame alone (default: %(default)s)",
+        help="stable-baselines3 (recurrent: sb3-contrib), es: evolution strategy, adjoint: gradients through the "
+        "chain, frame alone (default: %(default)s)",
     )  # fmt: skip
     p.add_argument("--seed", type=int, default=0, help="the first seed (default: %(default)s)")
     p.add_argument("--seeds", type=int, default=1, help="how many (default: %(default)s)")
