@@ -54,7 +54,7 @@ class Section:
 def of_ratio(what: str, r: Ratio, target: str = "", note: str = "") -> Figure:
     """A ratio with its quartiles and both costs."""
     top, bottom = (f"{cost:.0f}" if cost >= 1000 else f"{cost:.2f}" for cost in (r.top, r.bottom))
-    detail = f"{r.low:.2f} to {r.high:.2f}; {top} over {bottom} us"
+    detail = f"{r.low:.2f}-{r.high:.2f}; {top}/{bottom} us"
     return Figure(what, r.value, "x", target, f"{detail}; {note}" if note else detail)
 
 
