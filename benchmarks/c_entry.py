@@ -179,9 +179,8 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "C entry against the rig in MuJoCo",
-            f"Samples per second of `mrdamp_run` (one set of {DYKE.id}, one thread, called from "
-            "Python) over steps per second of the shipped rig. The rig is driven by a record, with "
-            "motion and command set from Python before every step, or the engine is stepped alone, "
+            f"Samples per second of `mrdamp_run` ({DYKE.id}, one thread, called from Python) over steps per second of "
+            "the shipped rig, driven by a record with motion and command set from Python, or stepped alone, "
             f"{BLOCK} steps per call at a constant velocity.",
             tuple(rows),
         ),

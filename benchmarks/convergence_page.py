@@ -51,9 +51,9 @@ def _random() -> list[str]:
         for k in worst
     ]
     return [
-        f"{_COUNT} draws (seed {_SEED}) of a law with one or two effects, every parameter within its range and up to a"
-        " factor of 20 from a typical value. Records of 1 ms, commands that jump every 40 ms. Errors: RMS of the force"
-        " at the default inner step (0.5 ms) less that at 12.5 us, over the latter's RMS.\n",
+        f"{_COUNT} draws (seed {_SEED}) of a law with one or two effects, parameters up to a factor of 20 from a"
+        " typical value. Records of 1 ms, commands that jump every 40 ms. Errors: RMS of the force at the default inner"
+        " step (0.5 ms) less that at 12.5 us, over the latter's RMS.\n",
         "| | draws | above 1 % | above 5 % | median | largest |\n|---|---:|---:|---:|---:|---:|",
         *rows,
         "\nAbove 5 %:\n\n| error | law | effects | rattling mass |\n|---:|---|---|---|",
@@ -89,8 +89,8 @@ def _energy() -> list[str]:
     least = ", ".join(f"{form} {100 * kept[form]:.2f} %" for form in sorted(kept, key=lambda form: kept[form])[:3])
     sizes = ", ".join(f"{1e3 * a:g}" for a in AMPLITUDES)
     return [
-        f"No steady cycle of 5 Hz gives out work, with {len(LAWS)} laws, {len(kept)} effects and amplitudes of"
-        f" {sizes} mm. The least shares of the work that a cycle keeps: {least}."
+        f"No steady cycle of 5 Hz returns work, with {len(LAWS)} laws, {len(kept)} effects and amplitudes of"
+        f" {sizes} mm. Smallest net work over the sum of its absolute values: {least}."
     ]
 
 
@@ -104,9 +104,8 @@ def _engines() -> list[str]:
             cells = (f"{signals[int(e.argmax())]} {100 * e.max():.2f} %" for e in found.values())
             chosen.append(f"| {s.name} | {engine} | {1e3 * step:g} ms | {' | '.join(cells)} |")
     return [
-        "Signals are compared with the chain at a tenth of the default step. The command switches between zero and its"
-        " largest value, at most every fifth control period. Error: RMS of the difference over the RMS. The largest"
-        " error of any signal at twice the default step, at it, and at half of it:\n",
+        "Largest error of any signal (RMS of the difference over the RMS) against the chain at a tenth of the"
+        " default step. The command switches between zero and its largest value, at most every fifth control period.\n",
         "| structure | engine | default | twice | default | half |\n|---|---|---:|---|---|---|",
         *chosen,
     ]
@@ -114,7 +113,7 @@ def _engines() -> list[str]:
 
 _TEXT = """# Convergence
 
-How far is the simulator from its equations at its default steps? **With a random law and one or two effects, the
+Error of the simulator against its equations at the default steps. **With a random law and one or two effects, the
 force is within 1 % in 98.8 % of 1500 draws; the median error is 0.009 %.** Single effects are within 0.1 % of SciPy
 at 1 ms, and every signal of the default environments is within 1.1 % of a step ten times as fine.
 
@@ -124,14 +123,12 @@ python -m benchmarks.convergence_page     # writes this page; a short draw is pa
 
 Less accurate are
 
-- **a mass that rattles**, almost undamped, in a clearance or on a stiff mount: the force at one sample depends on the
-  phase of hundreds of impacts, even at steps of 1 us. Its RMS is right within 3 %;
+- **a nearly undamped mass that rattles** in a clearance or on a stiff mount: samples depend on the phase of hundreds
+  of impacts, even at steps of 1 us; the RMS of the force is right within 3 %;
 - **friction with a large breakaway behind a mount**: slip begins up to one step late, or not at all where the force
   ends just below the breakaway;
-- **forces that jump when the motion turns** (`trapped_gas` without `width`): a sample beside the jump is right to one
-  step;
-- **the cable's acceleration at the damper**, while the damper sticks: it grows with the number of modes. Give the
-  sensor a `bandwidth`;
+- **forces that jump at a reversal** (`trapped_gas` without `width`): right to one step;
+- **the cable's acceleration at a sticking damper**: it grows with the number of modes. Give the sensor a `bandwidth`;
 - **a sharp yield in the frame** (Bingham, `v_ref` of 1 mm/s): 2.6 % at 0.5 ms, 1.1 % at 0.25 ms. Set a shorter
   `timestep`.
 """

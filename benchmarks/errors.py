@@ -19,9 +19,9 @@ def measure(end: float = 3.0) -> list[Section]:
     return [
         Section(
             "Accuracy at these speeds",
-            "RMS error of the damper's force over its RMS, against SciPy (LSODA, rtol 1e-9). "
-            f"{DYKE.id} in the frame under 40 sines from 1 to 10 Hz with a peak near 3.4 m/s2, and a command over the "
-            "whole range. `frame` includes the error of the engine's Euler step.",
+            f"RMS error of the damper's force over its RMS, against SciPy (LSODA, rtol 1e-9). {DYKE.id} in the frame: "
+            "40 sines from 1 to 10 Hz with a peak near 3.4 m/s2, commands over the whole range. `frame` includes the "
+            "error of the engine's Euler step.",
             tuple(rows),
         )
     ]

@@ -141,9 +141,9 @@ def _against(effort: Effort) -> Section:
         note=f"Bouc-Wen law, {sum(r.n for r in train)} samples, the same steps",
     )  # fmt: skip
     text = (
-        "First row: SciPy's least_squares fits five parameters of a Bouc-Wen law, with the law in plain Python and "
-        "with the C entry and its whole chain. Second row: one local fit with the C entry, by SciPy with as many BLAS "
-        "threads as it uses, and by `mrdamp.identify.least_squares` with one. At most 7 rounds."
+        "First row: SciPy's least_squares on five parameters of a Bouc-Wen law, with the law in Python and with the C "
+        "entry and its whole chain. Second row: one local fit with the C entry, by SciPy with as many BLAS threads as "
+        "it uses, and by `mrdamp.identify.least_squares` with one. At most 7 rounds."
     )
     return Section("Identification against SciPy", text, (law, plain))
 

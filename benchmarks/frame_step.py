@@ -72,17 +72,14 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "Frame with damper over frame without",
-            f"Three storeys on a shake table, with the modified Bouc-Wen damper ({DYKE.id}), driver "
-            "lag and force sensor, compared with the same file without them. `shipped` is "
-            "models_xml/frame3 with its visual elements and accelerometers; `bare` has neither, for "
-            "the cheapest frame. `import mujoco` installs a clock that every step reads for the "
-            "engine's profiler. Its cost is the same on both sides and lowers the ratio; rows without"
-            " it are given too.",
+            f"Three storeys on a shake table, with and without the modified Bouc-Wen damper ({DYKE.id}), driver lag "
+            "and force sensor. `shipped` is models_xml/frame3; `bare` has no visual elements and accelerometers. "
+            "`import mujoco` installs a clock for the engine's profiler, whose cost on both sides lowers the ratio.",
             tuple(rows),
         ),
         Section(
             "Where the time goes",
-            "Time of a part: difference of runs with and without it. Bare frame, 0.5 ms, no engine clock.",
+            "Differences of runs with and without a part. Bare frame, 0.5 ms, no engine clock.",
             breakdown(effort),
         ),
     ]

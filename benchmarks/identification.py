@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from benchmarks.result import Figure, Section, machine, text
+from benchmarks.result import Figure, Section, machine, table, text
 from mrdamp.identify import identify as identify_law
 from mrdamp.identify import simulate
 from mrdamp.model.core import Array
@@ -328,8 +328,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lines = ["# Beside other libraries", "", "Written by `python -m benchmarks.identification`.", "",
              f"Machine: {machine()}.", ""]  # fmt: skip
     for section in sections:
-        lines += [section.text, "", "| | figure | target | reached | |", "|---|---|---|---|---|"]
-        lines += ["| " + " | ".join(f.cells()) + " |" for f in section.figures]
+        lines += [section.text, "", *table(section.figures)]
     options.output.parent.mkdir(parents=True, exist_ok=True)
     options.output.write_text("\n".join(lines) + "\n", encoding="utf-8")
     print(f"page: {options.output}")

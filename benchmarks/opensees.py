@@ -100,9 +100,9 @@ def force_error(python: str, time_step: float, end: float) -> float:
 def measure(effort: Effort, python: str = sys.executable, end: float = 3.0) -> list[Section]:
     """The table; a row that says why where OpenSees is not installed for `python`."""
     text = (
-        "The model has the BoucWen material with n = 2 and a dashpot instead of the modified law, without driver and "
-        "sensor; Newmark, Newton to 1e-8 m, ProfileSPD, many steps in one call. The material is integrated by a "
-        f"first-order rule; at {FINE * 1e3:g} ms (last row) it is still the less accurate of the two."
+        "BoucWen material with n = 2 and a dashpot in place of the modified law, without driver and sensor; Newmark, "
+        "Newton to 1e-8 m, ProfileSPD, many steps in one call. The material is integrated by a first-order rule: at "
+        f"{FINE * 1e3:g} ms (last row) it is still less accurate."
     )
     try:
         with OpenSees(python, STEP, 5e-3, effort.steps) as there:

@@ -11,8 +11,6 @@ from pathlib import Path
 
 from benchmarks.timing import Ratio
 
-_HEAD = ("| | figure | target | |", "|---|---|---|---|")
-
 
 @dataclass(frozen=True)
 class Figure:
@@ -56,7 +54,7 @@ class Section:
 def of_ratio(what: str, r: Ratio, target: str = "", note: str = "") -> Figure:
     """A ratio with its quartiles and both costs."""
     top, bottom = (f"{cost:.0f}" if cost >= 1000 else f"{cost:.2f}" for cost in (r.top, r.bottom))
-    detail = f"{r.low:.2f} to {r.high:.2f}; {top} over {bottom} us"
+    detail = f"{r.low:.2f}-{r.high:.2f}; {top}/{bottom} us"
     return Figure(what, r.value, "x", target, f"{detail}; {note}" if note else detail)
 
 
@@ -91,31 +89,35 @@ def markdown(sections: Sequence[Section], rounds: int) -> str:
     out = [
         "# Speed",
         "",
-        f"Written by `make bench`. A ratio is the median of {rounds} rounds, both sides in turn, in CPU time of the "
-        "measuring thread; beside it are the quartiles and both costs. Rows without a target are for comparison.",
+        f"Written by `make bench`. Ratios: medians of {rounds} rounds, both sides in turn, in CPU time of the "
+        "measuring thread, with quartiles and both costs.",
         "",
         f"Machine: {machine()}.",
         "",
         *_summary(sections),
     ]
     for section in sections:
-        out += [f"## {section.title}", "", section.text, "", *_HEAD]
-        out += [
-            "| " + " | ".join(cell.replace("|", "/") for cell in f.cells()) + " |" for f in section.figures
-        ]
-        out.append("")
+        out += [f"## {section.title}", "", section.text, "", *table(section.figures), ""]
     return "\n".join(out)
 
 
+def table(figures: Sequence[Figure]) -> list[str]:
+    """Lines of a table; a target stands beside its figure."""
+    out = ["| | figure (target) | |", "|---|---|---|"]
+    for what, shown, target, detail in (f.cells() for f in figures):
+        cells = (what, f"{shown} ({target})" if target else shown, detail)
+        out.append("| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |")
+    return out
+
+
 def _summary(sections: Sequence[Section]) -> list[str]:
-    """How many targets are reached, and by section the rows that miss theirs."""
-    judged = [(section.title, [f for f in section.figures if f.met is not None]) for section in sections]
-    figures = [f for _, some in judged for f in some]
-    if not figures:
+    """How many targets are reached, and how many are missed in which section."""
+    judged = [(section.title, [f.met for f in section.figures if f.met is not None]) for section in sections]
+    met = [reached for _, some in judged for reached in some]
+    if not met:
         return []
-    out = [f"**{sum(bool(f.met) for f in figures)} of {len(figures)} targets are reached.** Missed:", ""]
+    missed = []
     for title, some in judged:
-        missed = "; ".join(f"{f.what}: {f.cells()[1]} ({f.target})" for f in some if f.met is False)
         anchor = "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c == "-")
-        out += [f"- [{title}](#{anchor}): {missed}"] if missed else []
-    return [*out, ""]
+        missed += [f"[{title}](#{anchor}) {some.count(False)}"] if False in some else []
+    return [f"**{sum(met)} of {len(met)} targets are reached.** Missed: {', '.join(missed) or 'none'}.", ""]

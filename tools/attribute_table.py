@@ -18,15 +18,11 @@ README = Path(__file__).resolve().parents[1] / "plugin_cpp" / "README.md"
 BEGIN = "<!-- attribute tables: written by tools/attribute_table.py -->"
 END = "<!-- end of the attribute tables -->"
 
-#: Groups of the C table that are no effect, with what stands over their table.
-_TITLES = {
-    "law": "Parameters of the laws. A law needs all of its own and takes no other's.",
-    "dependence": (
-        "Optional: a dependence on the field `b` beyond the straight line, "
-        "`p(b) = p_a + p_b b + p_c b^2 + p_e (1 - exp(-p_r b))`, and the decrease of `gamma` and `beta`."
-    ),
-    "effects": "Range of the commands, effects, numerics: for every law.",
-}
+#: What stands over the tables.
+_LAWS = """Coefficients of the laws; the [table of laws](#laws) says which law needs which. A coefficient with suffixes
+is `p(b) = p_a + p_b b + p_c b^2 + p_e (1 - exp(-p_r b))`. Units: that given for `a` and `e`, per command for `b`,
+per command squared for `c`, 1 per command for `r`. `c`, `e`, `r` are optional (0, 0, 1); `r` is from 0."""
+_REST = "For every law."
 
 
 def number(value: float) -> str:
@@ -45,36 +41,33 @@ def span(low: float, high: float) -> str:
     return f"{number(low)} to {number(high)}"
 
 
-def users(name: str) -> str:
-    """The laws that need an attribute or may take it."""
-    return ", ".join(
-        f"`{law}`" for law in core.laws() if name in core.law_parameters(law) or name in core.law_options(law)
-    )
+def line(names: list[str], row: core.Attribute, meaning: str) -> str:
+    """One row of a table: attributes that differ by their suffix alone share it."""
+    limits = span(row.minimum, row.maximum)
+    if row.group != "law":
+        limits = f"{'not given' if row.default is None else number(row.default)}; {limits}"
+    return f"| {' '.join(f'`{name}`' for name in names)} | {row.unit} | {limits} | {meaning} |"
 
 
-def rows(kind: str) -> Iterator[str]:
+def rows(of_laws: bool) -> Iterator[str]:
     """Lines of one table, the head first."""
-    with_default = kind != "law"
-    head = ["attribute", *(["law"] if kind != "effects" else ["group"]), "unit"]
-    head += ["default"] if with_default else []
-    head += ["range", "meaning"]
-    yield "| " + " | ".join(head) + " |"
-    yield "|" + "---|" * len(head)
-    for row in core.attributes():
-        if (row.group if row.group in _TITLES else "effects") != kind:
+    yield f"| attribute | unit | {'range' if of_laws else 'default; range'} | meaning |"
+    yield "|---|---|---|---|"
+    known = {row.name: row for row in core.attributes()}
+    stems = {name[:-1] for name in known if {f"{name[:-1]}a", f"{name[:-1]}b"} <= set(known)}
+    for name, row in known.items():
+        if (row.group in ("law", "dependence")) != of_laws:
             continue
-        cells = [f"`{row.name}`", users(row.name) if kind != "effects" else row.group, row.unit]
-        if with_default:
-            cells.append("not given" if row.default is None else number(row.default))
-        yield "| " + " | ".join([*cells, span(row.minimum, row.maximum), row.meaning]) + " |"
+        if name[:-1] not in stems:
+            yield line([name], row, row.meaning)
+        elif name.endswith("a"):
+            family = [name[:-1] + suffix for suffix in "abcer" if name[:-1] + suffix in known]
+            yield line(family, row, row.meaning.replace(" at zero field", ""))
 
 
 def tables() -> str:
     """The text between the markers, markers included."""
-    parts = [BEGIN]
-    for kind, title in _TITLES.items():
-        parts += [title, "\n".join(rows(kind))]
-    return "\n\n".join([*parts, END])
+    return "\n\n".join([BEGIN, _LAWS, "\n".join(rows(True)), _REST, "\n".join(rows(False)), END])
 
 
 def replaced(text: str) -> str:

@@ -38,7 +38,7 @@ def _help(action: argparse.Action) -> str:
     given = action.default not in (None, argparse.SUPPRESS, False, []) and action.option_strings
     if given and "default" not in text:
         text += f" (default: {action.default})"
-    return " ".join(text.split()).replace("|", "\\|")
+    return " ".join(text.split())
 
 
 def lines() -> Iterator[str]:
@@ -57,8 +57,7 @@ def lines() -> Iterator[str]:
             if not isinstance(a, argparse._HelpAction) and a.help is not argparse.SUPPRESS
         ]
         if rows:
-            yield from ("| argument | |", "|---|---|")
-            yield from (f"| {_name(a)} | {_help(a)} |" for a in rows)
+            yield from (f"- {_name(a)}: {_help(a)}".removesuffix(": ") for a in rows)
 
 
 def main() -> int:

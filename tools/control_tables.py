@@ -40,7 +40,7 @@ PAGE, RECORDS = ROOT / "docs" / "control.md", ROOT.parent / "shared" / "data" / 
 AMPLITUDES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 PERCENT = (-10, 10)
 LAG = 0.003  # s, of the force sensor
-PEAKS = ("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods")
+PEAKS = ("controller", "J1", "J2", "mean of both minus passive-on", "1e6 periods")
 MODEL_BASED = ("clipped-optimal-tuned", "modulated-optimal-tuned", "force-tracking-tuned")
 #: Near passive-on everywhere: shown once.
 CONSTANT = ("best-constant", "lyapunov-tuned", "max-dissipation-tuned")
@@ -104,13 +104,13 @@ class Tables:
             for part in PARTS
             for p in PERCENT
         }
-        found = self.run({"as told": self.bench, **benches}, unseen_motions(), self.bench.unseen_amplitudes)
+        found = self.run({"nominal": self.bench, **benches}, unseen_motions(), self.bench.unseen_amplitudes)
         rows = [
             (_name(c.name, len(c.specs)), *(_spread(r.gain(c.name)) for r in found.values()))
             for c in self.rows
             if c.learned or c.name in MODEL_BASED
         ]
-        return markdown(("less passive-on", *found), rows)
+        return markdown(("minus passive-on", *found), rows)
 
     def lag(self) -> str:
         """A force sensor that lags, known and unknown."""
@@ -118,8 +118,8 @@ class Tables:
         lagged = replace(model, effects=(*model.effects, Effect("sensor_lag", {"tau": LAG})))
         benches = {
             "no lag": self.bench,
-            "3 ms, told": replace(self.bench, model=lagged),
-            "3 ms, not told": replace(self.bench, model=lagged, told=model),
+            "3 ms, known": replace(self.bench, model=lagged),
+            "3 ms, unknown": replace(self.bench, model=lagged, told=model),
         }
         found = self.run(benches, unseen_motions(), self.bench.unseen_amplitudes)
         rows = [
@@ -149,7 +149,7 @@ def _compared(folder: Path, bench: Bench, ratios: Sequence[str]) -> str | None:
         periods = row["periods"]
         rows.append((_name(name, len(row["specs"])), *cells, "–" if periods is None else f"{periods / 1e6:.3g}"))
     titles = {m.key: m.title.format(unit="V") for m in bench.measures}
-    heads = ("controller", *(titles[key] for key in ratios), "less best-constant", titles["mean_command"])
+    heads = ("controller", *(titles[key] for key in ratios), "minus best-constant", titles["mean_command"])
     return markdown((*heads, "1e6 periods"), rows)
 
 
@@ -173,7 +173,7 @@ def _differences(result: Comparison) -> str:
         (other, *(_spread(difference(rated[name][key], rated[other][key])) for name, key in keys))
         for other in ("passive-on", *MODEL_BASED)
     ]
-    return markdown(("less", *(f"{name}: {key}" for name, key in keys)), rows)
+    return markdown(("minus", *(f"{name}: {key}" for name, key in keys)), rows)
 
 
 def _name(name: str, seeds: int) -> str:

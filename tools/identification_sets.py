@@ -1,4 +1,4 @@
-"""What the pages of docs/identification hold: models of each set, their commands, an independent fit's marks."""
+"""What the pages of docs/identification hold: models of each set, their commands, an independent fit's errors."""
 
 from __future__ import annotations
 
@@ -84,10 +84,9 @@ _EMBEDDED = Page(
         ),
         Table(
             "Varying current, 4000:2000:1500 samples at 500 Hz",
-            "Protocol of the self-sensing paper: 5 Hz, 2.5 mm, random current. Training, validation and "
-            "test part are cut from one record. The held-out records are the test part and the other "
-            "records of random current, among them the paper's testing sets 1 (1 Hz sine) and 2 (2.5 Hz "
-            "triangle).",
+            "Protocol of the self-sensing paper: 5 Hz, 2.5 mm, random current; training, validation and test part "
+            "are cut from one record. Held out: the test part and the other records of random current, among them "
+            "the paper's testing sets 1 (1 Hz sine) and 2 (2.5 Hz triangle).",
             (
                 Row("modified Bouc-Wen", "cut_plain", ("--law", "modified_bouc_wen", *_CUT)),
                 Row(
@@ -121,13 +120,13 @@ _UTFSM = Page(
     (
         Table(
             "Laws and network",
-            "All laws miss their marks, because the damper was in another state on the day of the sweep: at "
-            ".5 A it is 1.16 to 1.21 times as strong as on the training day, at any speed, and its force is "
-            "as large in one direction as in the other (990 N; the training day's tests differ by 96 to 122 "
-            "N). With one gain for each record the error of modified Bouc-Wen would be .110, with a fit for "
-            "each current it is .136. Marks: a quick independent fit, quadratic in the current, on other "
-            "tests of the rig, which are not available; the nearest protocol here leaves one motion out (next "
-            "table). Rows with S (`quadratic_saturating`) follow the S-shaped dependence on the current.",
+            "All laws have larger errors than the reference, because the damper was in another state on the day of "
+            "the sweep: at .5 A it is 1.16 to 1.21 times as strong as on the training day, at any speed, and equally "
+            "strong in both directions (990 N; on the training day they differ by 96 to 122 N). Modified Bouc-Wen "
+            "would have .110 with one gain for each record; with a fit for each current it has .136. Reference: a "
+            "quick independent fit, quadratic in the current, on other tests of the rig, which are not available; "
+            "the nearest protocol here leaves one motion out (next table). Rows with S (`quadratic_saturating`) "
+            "follow the S-shaped dependence on the current.",
             (
                 *_laws((0.24, 0.14, 0.13, 0.12), "--dependence", "quadratic"),
                 *_laws(
@@ -164,11 +163,11 @@ _UTFPR = Page(
     (
         Table(
             "As recorded",
-            "The tests at 0 V named 50Hz carry 50 to 100 um of noise in the displacement, ten times that of "
-            "the others, which damping and stiffness of a law turn into force; errors are given without them "
-            "too. The plain Bouc-Wen law cannot fit better: its loop turns over a displacement, this damper's "
-            "over a velocity. With one fit for each voltage it has .157 without 50Hz; of 150 starts within "
-            "bounds ten times as wide the eight best end in the same optimum.",
+            "The tests at 0 V named 50Hz have 50 to 100 um of noise in the displacement, ten times that of the "
+            "others, which damping and stiffness turn into force; errors are given without them too. Bouc-Wen cannot "
+            "fit better: its force reverses over a displacement, this damper's over a velocity. With one fit for "
+            "each voltage it has .157 without 50Hz; of 150 starts within bounds ten times as wide the eight best end "
+            "in the same optimum.",
             (
                 *_laws((0.24, 0.12, 0.13, 0.09), "--dependence", "quadratic"),
                 Row(
@@ -192,7 +191,7 @@ _UTFPR = Page(
         ),
         Table(
             "Displacement low-passed at 8 Hz",
-            "The motions end at 1.5 Hz. The marks are the same.",
+            "The motions end at 1.5 Hz. The reference is the same.",
             _laws((0.24, 0.12, 0.13, 0.09), "--starts", "2", suffix="_8Hz"),
             cutoff=8.0,
             without="50Hz",
@@ -210,9 +209,9 @@ _NEES = Page(
     (
         Table(
             "Plain laws",
-            "The preload k1 x0 of the modified Bouc-Wen law is not searched: an offset of the force is the "
-            "same parameter. The last row has this offset, and is quadratic in the command as the marks are; "
-            "without it, that dependence and more starts change nothing (.353).",
+            "The preload k1 x0 of the modified Bouc-Wen law is not fitted: an offset of the force is the same "
+            "parameter. The last row has this offset, and is quadratic in the command as the reference; without it, "
+            "that dependence and more starts change nothing (.353).",
             (
                 *_laws((0.48, 0.37, 0.37, 0.34), "--starts", "2", "--extras"),
                 Row(
@@ -225,10 +224,10 @@ _NEES = Page(
         ),
         Table(
             "With effects, and the network",
-            "An offset, the stiffness of the accumulator and a lag of the command are fitted with the law; in "
-            "one row also a delay between displacement and force. At 3 kHz the velocities contain all noise "
-            "of the measured displacement. The network therefore runs at 300 Hz on low-passed velocities, and "
-            "all models are evaluated there too. Its mark is a quick independent one at 300 Hz.",
+            "Offset, stiffness of the accumulator and lag of the command are fitted with the law; in one row also a "
+            "delay between displacement and force. At 3 kHz the velocities contain all noise of the displacement, so "
+            "the network runs at 300 Hz on low-passed velocities, and all models are evaluated there too. Its "
+            "reference is a quick independent network at 300 Hz.",
             (
                 *_laws((0.31, 0.21, 0.18, 0.165), "--starts", "2", "--extras", "offset", "gas_spring", "driver_lag",
                        "--dependence", "quadratic", suffix="_effects", note=", effects"),

@@ -93,7 +93,7 @@ def table(
     head += ["held out at the network's rate"] if t.sample_time else []
     head += [f"without {t.without}"] if t.without else []
     head += ["held out, one step ahead"] if t.one_step else []
-    head += ["mark"] if any(row.mark is not None for row in t.rows) else []
+    head += ["reference"] if any(row.mark is not None for row in t.rows) else []
     lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     models = {row.file: run(name, row, t.cutoff, data) for row in t.rows}
     for row in t.rows:
@@ -108,7 +108,7 @@ def table(
         if t.one_step:
             values.append(one_step(model, records.validation))
         figures[row.file] = [*values, row.mark]
-        values += [row.mark] if "mark" in head else []
+        values += [row.mark] if "reference" in head else []
         lines.append("| " + " | ".join([row.name, *("" if v is None else f"{v:.3f}" for v in values)]) + " |")
     lines += [""]
     return lines, models
@@ -138,7 +138,7 @@ def slower(record: Record, sample_time: float) -> Record:
 
 
 def left_out(name: str, page: Page, records: RecordSet) -> list[str]:
-    """Every law fitted without one motion of all records and evaluated on it, as the marks: one start, quadratic."""
+    """Each law fitted without one motion of all records and evaluated on it, as the reference (one start, quadratic)"""
     store = WORK / name / "left_out.json"
     found: dict[str, list[float]] = json.loads(store.read_text()) if store.exists() else {}
     for law in LAWS:
@@ -155,9 +155,9 @@ def left_out(name: str, page: Page, records: RecordSet) -> list[str]:
         store.write_text(json.dumps(found))
     text = (
         "Fitted to the records of the other motions, of both halves, and evaluated on those of one. One start,"
-        " quadratic in the current, as for the marks."
+        " quadratic in the current, as for the reference."
     )
-    head = ["law", *page.left_out, f"all but {page.left_out[-1]}", "all", "mark"]
+    head = ["law", *page.left_out, f"all but {page.left_out[-1]}", "all", "reference"]
     lines = ["## One motion left out", "", text, "", f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     marks = {row.file: row.mark for row in page.tables[0].rows}
     for law in LAWS:

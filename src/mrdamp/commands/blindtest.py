@@ -20,7 +20,7 @@ def add_to(commands: Any) -> None:
         "check the diagnosis on cases of a reference rig whose causes are sealed until it has answered",
         "mrdamp blindtest out/blind --cases 200 --jobs 2",
     )
-    p.add_argument("out", type=OutFolder, help="folder to write; an interrupted run goes on there")
+    p.add_argument("out", type=OutFolder, help="folder to write; an interrupted run continues")
     p.add_argument("--cases", type=int, default=200, help="(default: %(default)s)")
     p.add_argument(
         "--rig", choices=["damper", "frame", "both"], default="both", help="(default: %(default)s)"
@@ -28,18 +28,18 @@ def add_to(commands: Any) -> None:
     p.add_argument(
         "--misfit",
         action="store_true",
-        help="rigs whose law is not the simulator's: 3 to 15 %% are left without a cause",
+        help="rigs with another law than the simulator's: error 3 to 15 %% without a cause",
     )
     seed = p.add_mutually_exclusive_group()
     seed.add_argument("--seed-from-os", action="store_true", help="a secret seed (the default)")
-    seed.add_argument("--seed", type=int, help="a known seed: for development; no evidence")
+    seed.add_argument("--seed", type=int, help="a known seed, for development: no evidence")
     p.add_argument("--jobs", type=int, default=1, help="cases at a time (default: %(default)s)")
     p.add_argument(
         "--timeout", type=float, default=300.0, help="seconds a diagnosis may take (default: %(default)s)"
     )
-    p.add_argument("--cases-only", action="store_true", help="make and seal the cases, and stop there")
+    p.add_argument("--cases-only", action="store_true", help="only make and seal the cases")
     p.add_argument(
-        "--baselines", action="store_true", help="simpler methods beside the diagnosis, on the same cases"
+        "--baselines", action="store_true", help="also simpler methods on the same cases"
     )
 
 

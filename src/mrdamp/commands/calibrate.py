@@ -41,10 +41,10 @@ def add_calibrate(commands: Any) -> None:
     p.add_argument(
         "--cutoff",
         type=float,
-        help="Hz, low-pass; 0 is none (default: 20, or four times a test's frequency where that is more)",
+        help="Hz, low-pass; 0: none (default: 20, at least four times a test's frequency)",
     )
     p.add_argument("--picture", type=Picture, help="sensitivities by frequency (.svg, .png or .pdf)")
-    p.add_argument("--put-back", action="store_true", help="add the leaked charge again in the records' force")
+    p.add_argument("--put-back", action="store_true", help="correct the records' force for the leaked charge")
     p.add_argument(
         "-o", "--out", type=OutFolder, help="folder to write: index.html, and records/ with the force from the charge"
     )

@@ -30,12 +30,12 @@ def add_to(commands: Any) -> None:
         type=Path,
         nargs="*",
         default=[],
-        help="records of the rig in the state in which the model was identified, or folders of them",
+        help="records of the rig before the change, or folders of them",
     )
     p.add_argument(
         "--hold",
         choices=HOLD,
-        help="the command is held between samples, or runs along lines (default: as the model says, or found)",
+        help="hold the command between samples, or interpolate linearly (default: the model's, else found)",
     )
     p.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write; it must not exist")
 

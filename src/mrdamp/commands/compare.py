@@ -58,22 +58,22 @@ def add_to(commands: Any) -> None:
     p.add_argument("--amplitudes", nargs="+", type=float, metavar="A", help="factors on every motion")
     p.add_argument(
         "--compression", type=float, metavar="K",
-        help="ground motions are played K times as fast (default: 5, as on the published one; full size: 1)",
+        help="ground motions K times as fast (default: 5, as published; full size: 1)",
     )  # fmt: skip
     p.add_argument(
         "--model", type=Path, help="model file of a damper, or of a frame with one (default: published)"
     )
     p.add_argument(
         "--dampers", nargs="+", type=_places, metavar="A-B",
-        help="floors between which a frame has dampers, several pairs of them, as 0-1 1-2 (0: the ground)",
+        help="floors between which a frame has dampers, as 0-1 1-2 (0: the ground)",
     )  # fmt: skip
     p.add_argument(
         "--told", type=Path, metavar="FILE",
-        help="model file of the frame that controllers are told, as a diagnosis writes it (default: the true one)",
+        help="model file of the frame that controllers know, as a diagnosis writes it (default: the true one)",
     )  # fmt: skip
     p.add_argument(
         "--spread", nargs="+", type=float, metavar="PERCENT",
-        help="repeat it on frames with so much less and more stiffness, and mass, than controllers are told",
+        help="repeat with so much less and more stiffness, and mass, than controllers know",
     )  # fmt: skip
     p.add_argument(
         "--command-unit", choices=("A", "V"), help="of the model's command (default: V, A with --model)"
@@ -83,11 +83,11 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument(
         "--engine", choices=("mujoco", "chain"), default=_USUAL["engine"],
-        help="what the structures run on: MuJoCo, or the plugin's chain without it (default: %(default)s)",
+        help="MuJoCo, or the plugin's chain without it (default: %(default)s)",
     )  # fmt: skip
     p.add_argument(
         "--bound", nargs="?", type=int, const=1, metavar="N",
-        help="add the best commands for motions known in advance, searched for from the N best runs of each case (1)",
+        help="add the best commands for motions known in advance, searched from the N best runs of each case (1)",
     )  # fmt: skip
     p.add_argument("--tune", action="store_true", help="tune controllers that have no setting for this model")
     p.add_argument(
@@ -95,7 +95,7 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("--json", action="store_true", help="print JSON in place of a table")
     p.add_argument(
-        "-o", "--out", type=OutFolder, help="folder for the page and tables; a run stopped there goes on"
+        "-o", "--out", type=OutFolder, help="folder for the page and tables; an interrupted run continues"
     )
 
 

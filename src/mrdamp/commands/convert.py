@@ -33,13 +33,13 @@ def add_to(commands: Any) -> None:
         nargs="+",
         required=True,
         metavar="CHANNEL=NAME:UNIT",
-        help="where each channel comes from; a minus before NAME turns the sign, a number as the command's NAME is a"
-        " constant; columns without a header are 1, 2 and so on",
+        help="column and unit of each channel; a minus before NAME changes the sign, a number as the command's NAME is"
+        " a constant; columns without a header are 1, 2 ...",
     )
     p.add_argument(
-        "--rate", type=float, metavar="HZ", help="resample to it; without a time_s column: the files' own"
+        "--rate", type=float, metavar="HZ", help="resample to this rate; without a time_s column: the files' rate"
     )
-    p.add_argument("--skip", action="store_true", help="leave out files that cannot be converted, and write the others")
+    p.add_argument("--skip", action="store_true", help="write the others if files cannot be converted")
     p.add_argument("-o", "--out", type=OutFolder, required=True, help="folder of the records")
 
 

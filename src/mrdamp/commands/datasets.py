@@ -20,9 +20,9 @@ def add_to(commands: Any) -> None:
         "list the public measured records, and fetch them into the folder of MRDAMP_DATA",
         "mrdamp datasets utfsm --fetch --folder data",
     )
-    p.add_argument("name", nargs="?", help="tell more of this set")
+    p.add_argument("name", nargs="?", help="details of this set")
     p.add_argument("--fetch", action="store_true", help="fetch it from its public source, checked by hash")
-    p.add_argument("--folder", type=Path, help="in place of MRDAMP_DATA")
+    p.add_argument("--folder", type=Path, help="folder, in place of MRDAMP_DATA")
     p.add_argument("--json", action="store_true", help="print as JSON")
 
 

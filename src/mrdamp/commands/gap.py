@@ -29,26 +29,26 @@ def add_to(commands: Any) -> None:
     given.add_argument(
         "--model",
         type=Path,
-        help="model file of a frame of three storeys without effects, the nominal simulator (default: Dyke et al.)",
+        help="nominal simulator: a frame of three storeys without effects (default: Dyke et al.)",
     )
     given.add_argument(
         "--case",
         type=Path,
-        help="case folder of a measured frame: what its gap costs the controller, with the corrected simulator in "
-        "place of the rig; writes gap.json, diagnosis.txt and corrected.json",
+        help="case folder of a measured frame, with the corrected simulator in place of the rig; writes gap.json, "
+        "diagnosis.txt and corrected.json",
     )
     p.add_argument(
         "--controller",
         default="clipped-optimal",
-        help="a kind, which is tuned in each simulator; one with options, or policy:FILE; or a policy that is learned "
-        "in each: learned, learned:algorithm=ppo,timesteps=200000 (default: %(default)s)",
+        help="a kind, tuned in each simulator; one with options; policy:FILE; or a policy trained in each: learned, "
+        "learned:algorithm=ppo,timesteps=200000 (default: %(default)s)",
     )
     p.add_argument("--effects", nargs="+", help="effects of the real frames (default: all that the rig has)")
     p.add_argument(
         "--misfit",
         action="store_true",
-        help="the real damper has another law than the simulator's, which is identified on bench records of it; the "
-        "effect `none` is the frame without one",
+        help="the real damper has another law than the simulator's, which is identified on its bench records; effect "
+        "`none`: the frame without one",
     )
     p.add_argument("--loads", type=int, default=4, help="unseen motions (default: %(default)s)")
     p.add_argument(
@@ -60,7 +60,7 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument(
         "-o", "--out", type=OutFolder, required=True,
-        help="folder to write; the same command continues an interrupted run",
+        help="folder to write; an interrupted run continues",
     )  # fmt: skip
 
 

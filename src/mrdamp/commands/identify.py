@@ -78,12 +78,12 @@ def add_identify(commands: Any) -> None:
         "--norms", action="store_true", help="E_t, E_x, E_v and delta_2 of both papers, by held-out record"
     )
     laws.add_argument("--resamples", type=int, default=200, help="of the bootstrap (default: %(default)s)")
-    laws.add_argument("--refit", action="store_true", help="fit each resample anew in place of one step")
+    laws.add_argument("--refit", action="store_true", help="fit each resample fully, not by one step")
     laws.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
     laws.add_argument(
         "--hold",
         choices=HOLD,
-        help="the command is held between samples, or runs along lines (default: whichever is nearer to the records)",
+        help="hold the command between samples, or interpolate linearly (default: what fits better)",
     )
     p.add_argument(
         "--jobs",
@@ -96,8 +96,8 @@ def add_identify(commands: Any) -> None:
     p.add_argument(
         "--picture",
         type=Picture,
-        help="loops over the held-out records, or forces over time where the command varies; the lines of --by-command;"
-        " a network's choice and pruning (.svg, .png or .pdf)",
+        help="loops or forces of held-out records, lines of --by-command, a network's choice and pruning (.svg, .png or"
+        " .pdf)",
     )
     p.add_argument("--command-unit", default="A", choices=_UNITS)
     add_signals(p)

@@ -35,11 +35,11 @@ def add_to(commands: Any) -> None:
         type=Path,
         help="files or one folder, to train on (default: made of the plant)",
     )
-    p.add_argument("--law", help="identify this law from the records, and invert it in place of MODEL")
-    p.add_argument("--network", type=Path, help="use this trained inverse (network.json of an earlier run)")
+    p.add_argument("--law", help="identify and invert this law in place of MODEL")
+    p.add_argument("--network", type=Path, help="a trained inverse (network.json of another run)")
     p.add_argument("--no-network", action="store_true", help="leave the network out")
     p.add_argument(
-        "--exact", action="store_true", help="also the inverse of the plant itself, as a limit (slow)"
+        "--exact", action="store_true", help="also the plant's own inverse, as a limit (slow)"
     )
     p.add_argument("--commands", nargs=2, type=float, metavar=("LOW", "HIGH"), help="range of the command")
     p.add_argument("--stroke", type=float, help="RMS of the random displacement, m (default: the records')")
@@ -50,7 +50,7 @@ def add_to(commands: Any) -> None:
     p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1,
                    help="processes for the network; the answer is the same")  # fmt: skip
     p.add_argument("--command-unit", choices=("A", "V"), help="(default: that of a parameter set, else A)")
-    p.add_argument("--picture", type=Picture, help="tracks of a force between the extremes (.svg, .png or .pdf)")
+    p.add_argument("--picture", type=Picture, help="wanted and true force (.svg, .png or .pdf)")
     p.add_argument("--json", action="store_true", help="print the table as JSON")
     p.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write")
 

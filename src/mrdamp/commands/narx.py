@@ -47,7 +47,7 @@ def add_narx_options(parser: argparse.ArgumentParser) -> None:
         default=1,
         help="how many of them are trained in free run (default: %(default)s)",
     )
-    p.add_argument("--one-step-only", action="store_true", help="leave out the training in free run")
+    p.add_argument("--one-step-only", action="store_true", help="no training in free run")
     p.add_argument(
         "--select",
         action="store_true",
@@ -60,7 +60,7 @@ def add_narx_options(parser: argparse.ArgumentParser) -> None:
         "--seeds",
         type=int,
         default=1,
-        help="of --select: trainings of each candidate; the median counts, the range is printed (default: %(default)s)",
+        help="of --select: trainings per candidate, of which the median counts (default: %(default)s)",
     )
     p.add_argument("--max-lags", type=int, default=8, help="of --select (default: %(default)s)")
     p.add_argument("--max-units", type=int, default=25, help="of --select (default: %(default)s)")
@@ -69,7 +69,7 @@ def add_narx_options(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const="surgeon",
         choices=("surgeon", "magnitude", "structure"),
-        help="then remove weights, or whole neurons and lags, and keep the smallest network within 10 %% of the best",
+        help="remove weights, or neurons and lags; the smallest network within 10 %% of the best is kept",
     )
     # What only a network takes; the sample time is one of the protocols' too.
     parser.set_defaults(of_networks={o.dest: o.default for o in p._group_actions if o.dest != "sample_time"})

@@ -37,7 +37,7 @@ def add_records(p: argparse.ArgumentParser, more: str = "") -> None:
 
 def add_json(p: argparse.ArgumentParser) -> None:
     """Adds `--json`."""
-    p.add_argument("--json", action="store_true", help="print JSON; the words go to stderr")
+    p.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
 
 
 def add_signals(p: argparse.ArgumentParser) -> None:
@@ -46,7 +46,7 @@ def add_signals(p: argparse.ArgumentParser) -> None:
         "--cutoff", type=float, help="Hz, zero-phase low-pass of the measured displacement (default: none)"
     )
     p.add_argument("--cutoff-force", action="store_true", help="the same low-pass for the force")
-    p.add_argument("--zero-mean", action="store_true", help="take the means off displacement and force")
+    p.add_argument("--zero-mean", action="store_true", help="subtract the means of displacement and force")
 
 
 def as_recorded(a: argparse.Namespace) -> RecordSet:

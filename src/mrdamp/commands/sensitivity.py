@@ -24,7 +24,7 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("case", type=Path, help="folder with a case.json and its records (rig damper)")
     p.add_argument(
-        "-o", "--out", type=OutFolder, required=True, help="folder to write; an interrupted run goes on there"
+        "-o", "--out", type=OutFolder, required=True, help="folder to write; an interrupted run continues"
     )
     p.add_argument("--effects", nargs="+", default=[], metavar="NAME", help="of the catalogue (default: all)")
     p.add_argument(
@@ -36,7 +36,7 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("--jobs", type=int, default=1, help="diagnoses at a time (default: %(default)s)")
     p.add_argument(
-        "--seed", type=seed, default=0, help="of the effects' sides and shapes (default: %(default)s)"
+        "--seed", type=seed, default=0, help="of the effects' signs and shapes (default: %(default)s)"
     )
 
 

@@ -30,9 +30,9 @@ def add_table1(commands: Any) -> None:
     p.add_argument("--no-network", action="store_true", help="leave the network out")
     p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1, help="processes for the network")
     p.add_argument("--starts", type=int, default=4)
-    p.add_argument("--picture", type=Picture, help="loops of all models over each other (.svg, .png or .pdf)")
+    p.add_argument("--picture", type=Picture, help="loops of all models (.svg, .png or .pdf)")
     p.add_argument(
-        "--condition", metavar="RECORD", help="one held-out record: the table is of one cycle of it, as in the paper"
+        "--condition", metavar="RECORD", help="one held-out record, of which one cycle is used, as in the paper"
     )
     add_json(p)
     add_signals(p)

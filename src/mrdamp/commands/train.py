@@ -29,8 +29,8 @@ def add_to(commands: Any) -> None:
     p.add_argument("environment", help="mrdamp/Frame-v0, mrdamp/Cable-v0, mrdamp/QuarterCar-v0, or file.py:NAME")
     p.add_argument(
         "--algo", default="es", choices=_ALGORITHMS,
-        help="of stable-baselines3 (recurrent: of sb3-contrib), es: an evolution strategy, or adjoint: gradients "
-        "through the chain, of the frame alone (default: %(default)s)",
+        help="stable-baselines3 (recurrent: sb3-contrib), es: evolution strategy, adjoint: gradients through the "
+        "chain, frame alone (default: %(default)s)",
     )  # fmt: skip
     p.add_argument("--seed", type=int, default=0, help="the first seed (default: %(default)s)")
     p.add_argument("--seeds", type=int, default=1, help="how many (default: %(default)s)")
@@ -46,21 +46,21 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument(
         "--model", type=Path, nargs="+", default=[], metavar="FILE",
-        help="model file of the damper (default: the environment's own); es: several, to be robust over all of them",
+        help="model file of the damper (default: the environment's); es: several, for robustness over all",
     )  # fmt: skip
     p.add_argument(
         "--evaluations",
         type=int,
         default=10,
-        help="on validation loads, with checkpoints (default: %(default)s)",
+        help="evaluations on validation loads, with checkpoints (default: %(default)s)",
     )
     p.add_argument("--jobs", type=int, default=1, help="trainings at a time; the numbers are the same")
     p.add_argument(
         "--backend", choices=("loky", "ray"), default="loky",
-        help="of --jobs: processes here, or a Ray cluster (extra `cluster`; RAY_ADDRESS names one that runs)",
+        help="of --jobs: local processes, or a Ray cluster (extra `cluster`; RAY_ADDRESS: a running one)",
     )  # fmt: skip
     p.add_argument(
-        "-o", "--out", type=OutFolder, required=True, help="folder; the same command continues where it stopped"
+        "-o", "--out", type=OutFolder, required=True, help="folder to write; an interrupted run continues"
     )
 
 
