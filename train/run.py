@@ -214,6 +214,8 @@ class Run(ABC):
             "settings": json.loads(json.dumps(asdict(self.chosen))),
             "timesteps": self.timesteps,
         }
+        if self.task.structure.identity:
+            about["structure"] = self.task.structure.identity
         fresh = Observer.from_dict(self.task.observer.to_dict())
         name, matrix = f"{o.algorithm} seed {o.seed}", self.transform()
         return Policy(
