@@ -127,6 +127,8 @@ def _notes(
         if same:
             yield f"controllers were tuned or policies chosen on {', '.join(same)} too; others may show less"
     for c in contenders:
+        if c.learned and c.periods == 0:
+            yield f"{c.name} is untrained: no evaluation of its training was better than its start's"
         about = Policy.read(c.specs[0].partition(":")[2]).about if c.learned else {}
         if about.get("structure", bench.structure.identity) != bench.structure.identity:
             yield f"{c.name} was trained on another version of {bench.environment}: other matrices or places"
