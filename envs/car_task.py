@@ -141,6 +141,9 @@ class Car(Structure):
             road = replace(road, speed=float(speed))
         return road
 
+    def forces(self, load: Road) -> Array:
+        return load.height[:, None]
+
     def reference(
         self, given: Array, load: Road, timestep: float, weights: CarReward, command_max: float, period: float
     ) -> Array:

@@ -138,6 +138,9 @@ class Frame(Structure):
         motion = source.draw(rng) if given is None else played(given, options.get("compression"))
         return cut(motion, self.duration)
 
+    def forces(self, load: GroundMotion) -> Array:
+        return load.acceleration[:, None]
+
     def reward(self, given: Any) -> FrameReward:
         weights = FrameReward.of(given)
         if weights.reference == "passive-on" and len(self.models) > 1:

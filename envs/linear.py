@@ -6,6 +6,7 @@ The matrices are those of `mrdamp.structures.mechanics.Mechanics`.
 from __future__ import annotations
 
 import copyreg
+import hashlib
 import math
 from abc import ABCMeta, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -169,6 +170,13 @@ class LinearStructure(Structure, metaclass=_Kind):
         """(samples, k) of a load every `load.sample_time`, straight between; loads have a name, a duration and
         `scaled(factor)` too."""
         return np.asarray(load.acceleration[:, None])
+
+    @cached_property
+    def identity(self) -> str:
+        """16 hexadecimal digits, of mechanics and places."""
+        s = self.system
+        matrices = [[f"{x:.9g}" for x in m.flat] for m in (s.mass, s.damping, s.stiffness, s.stroke, s.load, self.at)]
+        return hashlib.sha256(repr((matrices, list(self.places), s.absolute)).encode()).hexdigest()[:16]
 
     @cached_property
     def system(self) -> Mechanics:

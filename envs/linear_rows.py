@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from mrdamp.envs.chain_rows import Chained
 from mrdamp.envs.plants import EngineRows
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.simulation.rows import ChainRows
 from mrdamp.structures.mechanics import Mechanics
 
 Array = NDArray[np.float64]
+_ROUNDING = 1e-6
 
 
 class ByMatrices(Protocol):
@@ -29,10 +30,20 @@ class ByMatrices(Protocol):
 
 
 def forces_of(whole: Any, load: Any) -> Array:
-    """`ByMatrices.forces` of a load. Raises InputError for others than (samples, k) finite numbers."""
+    """`ByMatrices.forces` of a load. InputError unless they are (samples, k) finite numbers over its duration."""
     found, many = np.asarray(whole.forces(load), dtype=np.float64), whole.system.load.shape[1]
-    if found.ndim != 2 or found.shape[1] != many or not len(found) or not np.isfinite(found).all():
+    if found.ndim != 2 or found.shape[1] != many or not len(found):
         raise InputError(f"{load.name}: forces have the shape {found.shape}; allowed: finite (samples, {many})")
+    if not np.isfinite(found).all():
+        sample, k = np.argwhere(~np.isfinite(found))[0]
+        raise InputError(f"{load.name}: forces[{sample}, {k}] is {found[sample, k]}; allowed: finite (samples, {many})")
+    require_positive(load.name, sample_time=load.sample_time, duration=load.duration)
+    last, whole_periods = (len(found) - 1) * load.sample_time, len(found) * load.sample_time
+    if not last * (1 - _ROUNDING) <= load.duration <= whole_periods * (1 + _ROUNDING):
+        raise InputError(
+            f"{load.name}: duration is {load.duration:g} s; allowed: {last:g} s, of its {len(found)} forces "
+            f"every {load.sample_time:g} s"
+        )
     return found
 
 

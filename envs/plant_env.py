@@ -104,7 +104,8 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return observation[0], infos[0]
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """One control period."""
+        """One control period. Raises Gymnasium's `ResetNeeded` before the first `reset`, and after an episode's end."""
+        self.task.require_begun()
         observation, reward, over, info = self.task.step_one(action)
         if self.render_mode == "human":
             self.render()

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,11 @@ class Randomise:
         unknown = [name for name in given if name not in self.ranges]
         if unknown:
             raise InputError(f"reset: drawn: {unknown[0]!r} is not randomised; allowed: {', '.join(self.ranges)}")
+        factors = _factors(self.parts)
+        for name, value in given.items():
+            if not isinstance(value, Real) or not math.isfinite(value) or (name in factors and value <= 0):
+                allowed = "a factor > 0" if name in factors else "a number"
+                raise InputError(f"reset: drawn: {name} is {value!r}; allowed: {allowed}")
         return {name: float(given.get(name, rng.uniform(*span))) for name, span in self.ranges.items()}
 
     def spread(self, rng: np.random.Generator, count: int) -> list[dict[str, float]]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mrdamp.control.observe import Observation
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
+from mrdamp.simulation.rows import finite
 
 try:
     from stable_baselines3.common.vec_env import VecEnv
@@ -55,7 +56,9 @@ class PlantVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        step = self.task.step(self._actions)
+        self.task.require_begun(running=False)
+        shape = self.num_envs, *(self.action_space.shape or ())
+        step = self.task.step(finite("action", self._actions, shape, exact=True))
         names, observation, over = self.task.score.NAMES, step.observation, step.over
         infos: list[dict[str, Any]] = [
             dict(zip(names, row, strict=True)) | {"TimeLimit.truncated": done}

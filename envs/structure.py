@@ -126,6 +126,15 @@ class Structure(ABC):
         """A load from its source, or of the options of a reset. Raises InputError."""
 
     @abstractmethod
+    def forces(self, load: Any) -> Array:
+        """(samples, k) of a load over its duration: N, m/s2 of the ground, or m of a road."""
+
+    @property
+    def identity(self) -> str:
+        """Of a structure of one's own: what a policy's file says that it was trained on."""
+        return ""
+
+    @abstractmethod
     def reference(
         self, given: Array, load: Any, timestep: float, weights: Any, command_max: float, period: float
     ) -> Sequence[float] | Array:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
@@ -136,6 +137,19 @@ class Task:
         """(n, names) last sensor readings, in the order of `rows.names`."""
         return self._measured
 
+    @property
+    def over(self) -> NDArray[np.bool_]:
+        """(n,) whether the load of each row is."""
+        return np.asarray(self.rows.plants.step >= self.rows.steps * self.rows.plants.inner)
+
+    def require_begun(self, *, running: bool = True) -> None:
+        """Raises Gymnasium's `ResetNeeded` where a row has no episode, or (running) one that is over."""
+        if None in self._rngs:
+            raise ResetNeeded("step: no episode has begun; call reset")
+        if running and self.over.any():
+            rows = f" in rows {np.flatnonzero(self.over).tolist()}" if self.n > 1 else ""
+            raise ResetNeeded(f"step: the episode is over{rows}; call reset")
+
     def reference_motion(self, row: int) -> float:
         """Size (m) of the row's motion without a damper."""
         return self.structure.reference_motion(self.score.values[row])
@@ -208,7 +222,7 @@ class Task:
                     self.noise.add(values, row, rng)
         self._measured = values
         observation = self._stack.push(values[:, self._observed], self._command)
-        return Step(observation, reward, self.rows.plants.step >= self.rows.steps * self.rows.plants.inner, info)
+        return Step(observation, reward, self.over, info)
 
     def drive(self, commands: Array) -> Step:
         """`step` with commands in A or V, (n, m), or (n,) of all dampers."""

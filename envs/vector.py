@@ -18,6 +18,7 @@ from mrdamp.envs.frame_task import Frame
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, divided
 from mrdamp.errors import InputError
+from mrdamp.simulation.rows import finite
 
 Flags = NDArray[np.bool_]
 Result = tuple[Observation, NDArray[np.float64], Flags, Flags, dict[str, Any]]
@@ -66,9 +67,11 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         return self._observation.copy(), infos
 
     def step(self, actions: NDArray[np.float32]) -> Result:
-        """One control period of all rows."""
+        """One control period of all rows. Raises Gymnasium's `ResetNeeded` before the first `reset`, and where no row
+        begins anew by itself (`DISABLED`) after an episode's end."""
+        self.task.require_begun(running=self.autoreset_mode is AutoresetMode.DISABLED)
         again = np.flatnonzero(self._over).tolist() if self.autoreset_mode is AutoresetMode.NEXT_STEP else []
-        step = self.task.step(actions, again)
+        step = self.task.step(finite("action", actions, self.action_space.shape or (), exact=True), again)
         self._observation = step.observation
         reward, over = step.reward, step.over
         mask = np.ones(self.num_envs, dtype=np.bool_)

@@ -16,6 +16,7 @@ from scipy.linalg import expm, solve_continuous_are, solve_discrete_are
 from excitation import Array
 from mrdamp import cli
 from mrdamp.compare.car import CarBench
+from mrdamp.compare.plant_run import run_plant
 from mrdamp.control.car import CarSite, HookForce, Switching, add_switch, sh_add_switch, skyhook_switch
 from mrdamp.control.car_plant import car_plant, regulated
 from mrdamp.control.registry import make
@@ -168,3 +169,11 @@ def test_the_command_compares_on_a_road_file(tmp_path: Path, capsys: pytest.Capt
     stroke = {name: row["measures"]["stroke"]["mean"] for name, row in result.items()}
     assert stroke["passive-on"] < stroke["sh-add"] < stroke["passive-off"]
     assert "linear suspension" in (out / "table.md").read_text()
+
+
+def test_the_peak_stroke_of_a_run_is_in_metres() -> None:
+    """That of the plant's strokes at the ends of the control periods, or a little more between them."""
+    road = BENCH.unseen_loads()[-1]
+    ends = run_plant(BENCH.plant, road, BENCH.controller("passive-off"), BENCH.period, BENCH.measured).stroke
+    kept = BENCH.run("passive-off", road, 1.0)
+    assert np.abs(ends).max() <= kept["peak_stroke"] < 1.1 * np.abs(ends).max()

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 
 from env_arguments import OWN
 from mrdamp.envs import (
@@ -89,7 +90,8 @@ def test_actions_that_are_no_numbers_are_refused_without_a_step(
     """The next step is that of an environment that was never asked."""
     cases: Sequence[tuple[Any, Any, list[Any]]] = (
         (partial(single), np.full(1, 0.3), [[math.nan], [math.inf], [None], [0.3 + 1j], ["0.3"], np.zeros(2)]),
-        (partial(rows, 2), np.full((2, 1), 0.3), [[[0.1], [math.nan]], [[0.1], [1j]], np.zeros((3, 1))]),
+        (partial(rows, 2), np.full((2, 1), 0.3), [[[0.1], [math.nan]], [[0.1], [1j]], np.zeros((3, 1)), np.zeros(2)]),
+        (partial(rows, 1), np.full((1, 1), 0.3), [[[math.nan]], [0.3], [[0.3, 0.3]], [[[0.3]]]]),
     )
     for make, action, wrong in cases:
         asked, other = (make(engine=engine, **given) for _ in range(2))
@@ -99,7 +101,7 @@ def test_actions_that_are_no_numbers_are_refused_without_a_step(
         for bad in wrong:
             refuses(partial(asked.step, bad), "action has shape|action holds NaN|action is ")
         same(asked.step(action), other.step(action))
-    refuses(lambda: single(engine=engine, **given).step(None), "action holds NaN, None")
+    refuses(lambda: asked.step(None), "action is None|action has shape|action holds NaN")
 
 
 @engines
@@ -114,8 +116,11 @@ def test_commands_that_are_no_numbers_are_refused(plant: Make, engine: str) -> N
 def test_trainers_rows_refuse_them() -> None:
     sb3 = pytest.importorskip("mrdamp.envs.sb3", reason="needs the extra train")
     env = sb3.PlantVecEnv(CarTask(2, **CAR))
+    with pytest.raises(ResetNeeded, match="no episode has begun"):
+        env.step(np.zeros((2, 1)))
     env.reset()
     refuses(lambda: env.step(np.array([[0.0], [np.nan]])), "action holds NaN")
+    refuses(lambda: env.step(np.zeros(2)), r"action has shape \(2,\); allowed: \(2, 1\)")
 
 
 @engines
@@ -132,6 +137,8 @@ def test_copies_go_on_to_the_last_bit(single: Make, rows: Make, given: Mapping[s
             found = env.step(action)
             for other in copies:
                 same(found, other.step(action))
+            if shape == (1,) and found[3]:
+                break
         found = env.reset()
         for other in copies:
             same(found, other.reset())
@@ -142,7 +149,7 @@ def test_copies_go_on_to_the_last_bit(single: Make, rows: Make, given: Mapping[s
 def test_seeds_and_states_are_exact(single: Make, rows: Make, given: Mapping[str, Any], engine: str) -> None:
     """In this environment and in another one, on to the next load."""
     env, other = (single(engine=engine, **given) for _ in range(2))
-    actions = np.random.default_rng(0).uniform(-1, 1, (90, 1)).astype(np.float32)
+    actions = np.random.default_rng(0).uniform(-1, 1, (80, 1)).astype(np.float32)
     begin, again = (each.reset(seed=4) for each in (env, other))
     same(begin, again)
     before = [env.step(action) for action in actions[:40]]
@@ -331,3 +338,34 @@ def test_a_mask_of_rows_that_is_none_is_refused(mask: list[bool]) -> None:
     env = FrameVectorEnv(3, engine="chain")
     env.reset(seed=1)
     refuses(lambda: env.reset(options={"reset_mask": np.array(mask)}), "reset_mask is .*allowed: 3 flags")
+
+
+@every
+def test_a_step_without_an_episode_asks_for_a_reset(single: Make, rows: Make, given: Mapping[str, Any]) -> None:
+    """Before the first one and after an episode's end, also of a copy and of a state that is put back."""
+    env, batch = single(engine="chain", **given), rows(2, engine="chain", autoreset_mode="Disabled", **given)
+    for each, action in ((env, np.zeros(1)), (batch, np.zeros((2, 1)))):
+        with pytest.raises(ResetNeeded, match=r"^step: no episode has begun; call reset$"):
+            each.step(action)
+        each.reset(seed=1)
+        while not np.any(each.step(action)[3]):
+            pass
+        for ended in (each, copy.deepcopy(each)):
+            with pytest.raises(ResetNeeded, match=r"^step: the episode is over.*; call reset$"):
+                ended.step(action)
+    state = env.get_state()
+    env.reset(seed=1)
+    env.step(np.zeros(1))
+    env.set_state(state)
+    with pytest.raises(ResetNeeded, match="is over; call reset"):
+        env.step(np.zeros(1))
+    batch.reset(seed=2)
+    batch.step(np.zeros((2, 1)))
+
+
+def test_rows_that_begin_anew_by_themselves_need_a_first_reset() -> None:
+    batch: Any = CarVectorEnv(2, engine="chain", **CAR)
+    with pytest.raises(ResetNeeded, match="no episode has begun"):
+        batch.step(np.zeros((2, 1)))
+    batch.reset(seed=1)
+    assert sum(batch.step(np.zeros((2, 1)))[3].sum() for _ in range(202)) == 2  # 200 periods of 5 ms each

@@ -146,6 +146,16 @@ def test_ranges_are_checked_when_the_environment_is_made(make: Make, ranges: Any
     refuses(lambda: make(randomise=ranges), message)
 
 
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, 0.0, -1.0, "1", None])
+def test_a_given_value_that_is_none_is_blamed_by_its_name(engine: str, value: Any) -> None:
+    env = FrameEnv(engine=engine, randomise={"mass": (0.9, 1.1), "driver_lag_tau": (0.004, 0.007)})
+    refuses(lambda: env.reset(options={"drawn": {"mass": value}}), "drawn: mass is .*; allowed: a factor > 0")
+    if value not in (0.0, -1.0):
+        message = "drawn: driver_lag_tau is .*; allowed: a number"
+        refuses(lambda: env.reset(options={"drawn": {"driver_lag_tau": value}}), message)
+
+
 def test_what_is_drawn_can_be_given_where_it_is_randomised() -> None:
     refuses(lambda: FrameEnv().reset(options={"drawn": {"mass": 1.0}}), "drawn is .*with randomise")
     env = FrameEnv(randomise={"mass": (0.9, 1.1)})

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.wrappers import RescaleAction
 
 import mrdamp
 from env_arguments import OWN as ISOLATED
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.contenders import contenders
 from mrdamp.control.policy import Policy
+from mrdamp.envs import FrameEnv
 from refusals import refuses
 from test_own_controllers import BENCH, OWN, write
 
@@ -61,3 +63,27 @@ def test_a_policy_says_so_where_a_measurement_is_no_number() -> None:
     )
     policy.reset()
     assert policy.command(0.0, y) == before
+
+
+def test_a_saved_model_of_other_actions_or_statistics_is_refused_with_its_file(tmp_path: Path) -> None:
+    """Actions from 0 to 1 have the shape of those from -1 to 1, and mean other commands."""
+    library = pytest.importorskip("stable_baselines3", reason="needs the extra train")
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    def saved(name: str, make: Any) -> None:
+        venv = VecNormalize(DummyVecEnv([make]))
+        library.PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").save(tmp_path / f"{name}.zip")
+        venv.save(str(tmp_path / f"{name}.pkl"))
+
+    saved("own", FrameEnv)
+    saved("positive", lambda: RescaleAction(FrameEnv(), np.float32(0), np.float32(1)))
+    saved("longer", lambda: FrameEnv(history=3))
+
+    def mine(model: str, statistics: str) -> Any:
+        files = f"{tmp_path / model}.zip,{tmp_path / statistics}.pkl"
+        return contenders(BENCH, [f"mine={files}"], {})
+
+    assert len(mine("own", "own")) == 1
+    refuses(lambda: mine("positive", "own"), r"positive.zip: its actions are Box\(0.0, 1.0.* here: Box\(-1.0, 1.0")
+    refuses(lambda: mine("longer", "own"), "longer.zip: its observations are")
+    refuses(lambda: mine("own", "longer"), r"longer.pkl: its statistics are of .*\(18,\); allowed here: \(6,\)")

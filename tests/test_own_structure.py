@@ -192,6 +192,11 @@ def test_the_ordinary_commands_compare_and_train_it(
     (policy,) = out.glob("**/policy.json")
     mine = ["--controllers", f"mine=policy:{policy}", "--engine", "chain", "--jobs", "1"]
     assert cli.main(["compare", OWN, *mine]) == 0
+    assert "another version" not in capsys.readouterr().err
+    softer = tmp_path / "softer.py"
+    softer.write_text(Path(OWN.rpartition(":")[0]).read_text().replace("9e4,", "8.1e4,"))
+    assert cli.main(["compare", f"{softer}:Isolated", *mine]) == 0
+    assert "mrdamp: mine was trained on another version of isolated" in capsys.readouterr().err
 
 
 def test_what_is_no_structure_gets_one_line(tmp_path: Path) -> None:
@@ -260,16 +265,23 @@ def test_structures_that_are_none_get_one_line(tmp_path: Path, old: str, new: st
 
 
 @pytest.mark.parametrize(
-    "forces", [np.zeros(100), np.zeros((100, 2)), np.full((100, 1), np.nan), np.zeros((0, 1))]
+    ("forces", "message"),
+    [
+        (np.zeros(100), r"forces have .*; allowed: finite \(samples, 1\)"),
+        (np.zeros((100, 2)), r"forces have .*; allowed: finite \(samples, 1\)"),
+        (np.zeros((0, 1)), r"forces have .*; allowed: finite \(samples, 1\)"),
+        ([[0.0], [1.0], [np.nan], [np.inf]], r"forces\[2, 0\] is nan; allowed: finite \(samples, 1\)"),
+        (np.ones((98, 1)), r"duration is 0.099 s; allowed: 0.097 s, of its 98 forces every 0.001 s"),
+        (np.ones((101, 1)), r"duration is 0.099 s; allowed: 0.1 s, of its 101 forces every 0.001 s"),
+    ],
 )
-def test_forces_that_are_none_get_one_line(forces: Any) -> None:
+def test_forces_that_are_none_get_one_line(forces: Any, message: str) -> None:
+    """Of a load of 99 ms."""
+
     class Pushed(Isolated):  # type: ignore[misc]
         def forces(self, load: Any) -> Any:
             return forces
 
-    load, message = (
-        GroundMotion("odd", 1e-3, np.ones(100)),
-        r"odd: forces have .*; allowed: finite \(samples, 1\)",
-    )
-    refuses(lambda: Pushed().uncontrolled(load), message)
-    refuses(lambda: RowPlant(Pushed()).reset(load), message)
+    load = GroundMotion("odd", 1e-3, np.ones(100))
+    refuses(lambda: Pushed().uncontrolled(load), f"odd: {message}")
+    refuses(lambda: RowPlant(Pushed()).reset(load), f"odd: {message}")

@@ -26,7 +26,7 @@ from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.train.closed_loop import ClosedLoop, Trajectory
-from mrdamp.train.run import Progress, Run
+from mrdamp.train.run import Progress, Run, reading
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.soft_policy import SoftPolicy
 
@@ -96,12 +96,13 @@ class AdjointRun(Run):
             self.soft.load(self._earlier)
         self._adam = torch.optim.Adam(self.soft.parameters(), lr=self._rate, betas=(0.9, 0.98))
         self._periods = self._steps = 0
-        if self._checkpoint.is_file():
-            kept = torch.load(self._checkpoint, weights_only=True)
-            self.loop.moving, self.loop.scale = kept["moving"].numpy(), kept["scale"].numpy()
-            self.soft.load_state_dict(kept["policy"])
-            self._adam.load_state_dict(kept["adam"])
-            self._periods, self._steps = kept["periods"], kept["steps"]
+        if self.resumed:
+            with reading(self.checkpoint):
+                kept = torch.load(self.checkpoint, weights_only=True)
+                self.loop.moving, self.loop.scale = kept["moving"].numpy(), kept["scale"].numpy()
+                self.soft.load_state_dict(kept["policy"])
+                self._adam.load_state_dict(kept["adam"])
+                self._periods, self._steps = kept["periods"], kept["steps"]
 
     def _begin(self, plain: int, start: Policy | None) -> Array:
         """(inputs,) weights to begin with; none on the leaky peaks, which come behind the `plain` ones."""
@@ -138,7 +139,7 @@ class AdjointRun(Run):
         return np.vstack([matrix, _PEAK * np.eye(o.size, dtype=np.float32)[columns]])
 
     @property
-    def _checkpoint(self) -> Path:
+    def checkpoint(self) -> Path:
         return self.out / "checkpoint.pt"
 
     @property
@@ -160,7 +161,7 @@ class AdjointRun(Run):
             "steps": self._steps, "moving": torch.from_numpy(self.loop.moving),
             "scale": torch.from_numpy(self.loop.scale),
         }  # fmt: skip
-        write_atomic(self._checkpoint, lambda file: torch.save(kept, file))
+        write_atomic(self.checkpoint, lambda file: torch.save(kept, file))
 
     def learn(self, progress: Progress) -> None:
         while self.timesteps < self.chosen.n_timesteps:

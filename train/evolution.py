@@ -7,6 +7,7 @@ stable-baselines3 because peak ratios are figures of an episode: their gradient 
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -91,7 +92,7 @@ class Cma:
         """Back to what was saved."""
         import ast
 
-        with np.load(path) as kept:
+        with np.load(io.BytesIO(path.read_bytes())) as kept:  # of a damaged file NumPy would leave it open
             self._rng.bit_generator.state = ast.literal_eval(str(kept["state"]))
             for name in self._KEPT:
                 value = kept[name]

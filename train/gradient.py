@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import random
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from mrdamp.train.asymmetric import POLICIES
 from mrdamp.train.export import memory, network
 from mrdamp.train.lessons import Lessons
 from mrdamp.train.pool import Drawn, Known, known
-from mrdamp.train.run import Progress, Run
+from mrdamp.train.run import Progress, Run, reading
 from mrdamp.train.wrappers import PolicyAction, Whitened
 
 CHECKPOINT = "checkpoint.pt"
@@ -64,12 +65,21 @@ class GradientRun(Run):
             venv = Lessons(venv, self.world, self.task, runs, exponent, self.chosen.price, privileged=privileged)
             self.lessons_given = venv
         self.venv = VecMonitor(venv)
-        checkpoint = self.out / CHECKPOINT
-        self._kept: dict[str, Any] = torch.load(checkpoint, weights_only=False) if checkpoint.is_file() else {}
-        self.model = self._model(int(self.seed.generate_state(1)[0] // 2))
+        self._kept: dict[str, Any] = {}
         self._renewed, self._resumed = 0, False
-        if self._kept:
-            self._go_on()
+        seed = int(self.seed.generate_state(1)[0] // 2)
+        if self.resumed:
+            with reading(self.checkpoint):
+                self._kept = torch.load(self.checkpoint, weights_only=False)
+                self.model = self._model(seed)
+                self._go_on()
+        else:
+            self.model = self._model(seed)
+        self._require_learning()
+
+    @property
+    def checkpoint(self) -> Path:
+        return self.out / CHECKPOINT
 
     @property
     def timesteps(self) -> int:
@@ -80,6 +90,7 @@ class GradientRun(Run):
         left = self.chosen.n_timesteps - self.timesteps
         if left > 0:
             self.model.learn(left, _Callback(self, progress), reset_num_timesteps=False, tb_log_name="run")
+            _average(self.model.policy)
             if self.curve[-1]["timesteps"] < self.timesteps:
                 self.evaluate()
 
@@ -110,7 +121,7 @@ class GradientRun(Run):
             "random": (torch.get_rng_state(), np.random.get_state(), random.getstate()),  # noqa: NPY002
             "renewed": self._renewed,
         }
-        write_atomic(self.out / CHECKPOINT, lambda file: torch.save(kept, file))
+        write_atomic(self.checkpoint, lambda file: torch.save(kept, file))
 
     def _go_on(self) -> None:
         """From the saved present, to the last bit; what belongs to a rollout, at its start (`_Callback`)."""
@@ -192,6 +203,21 @@ class GradientRun(Run):
             _begin_at_nothing(model.policy)
         return model
 
+    def _require_learning(self) -> None:
+        """Raises InputError for fewer control periods than the first that change the actor."""
+        model: Any = self.model
+        if self.options.algorithm in _OFF_POLICY:
+            every, name, idle = model.n_envs * model.train_freq.frequency, "learning_starts", model.learning_starts
+            begun = idle // every  # the first collection whose end is behind it
+        else:
+            every, name, idle = model.n_envs * model.n_steps, "freeze", self.chosen.freeze
+            begun = -(-idle // every)  # the first collection whose start is not before it
+        if self.chosen.n_timesteps <= begun * every:
+            raise InputError(
+                f"{self.options.algorithm}: {self.chosen.n_timesteps} control periods; allowed: more than "
+                f"{begun * every}, up to which nothing is learned ({name} is {idle}, {every} are collected at once)"
+            )
+
     def _noise(self) -> OrnsteinUhlenbeckActionNoise:
         """Of standard deviation `explore`; white noise of 2 ms hardly passes the driver's lag."""
         theta = 1.0 / self.chosen.correlated
@@ -244,6 +270,12 @@ def _begin_at_nothing(policy: Any) -> None:
         policy.average(1.0)
 
 
+def _average(policy: Any) -> None:
+    """Takes the newest actor into the mean that is exported, where there is one."""
+    if hasattr(policy, "average"):
+        policy.average(_FRESH)
+
+
 class _Callback(BaseCallback):
     """Progress, evaluations where they are due, and an actor that waits for its critic."""
 
@@ -259,9 +291,8 @@ class _Callback(BaseCallback):
         if run.timesteps >= self._last_report + run.chosen.n_timesteps / 100:
             self._last_report = run.timesteps
             run.tell(self._progress)
-        policy: Any = self.model.policy
-        if not run.resume() and hasattr(policy, "average"):
-            policy.average(_FRESH)
+        if not run.resume():
+            _average(self.model.policy)
         if run.due():
             run.evaluate()
         run.renew()

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
-from mrdamp.train.run import Progress, Result, Run
+from mrdamp.train.run import Progress, Result, Run, reading
 from mrdamp.train.settings import Options, Settings, settings
 
 
@@ -30,18 +30,18 @@ def train(options: Options, out: Path | str, progress: Progress | None = None) -
     if files:
         own["files"] = files
     claim, finished = out / "options.json", out / "training.json"
-    held = _read(claim) if claim.is_file() else own
+    held = _read(claim, "settings", "options") if claim.is_file() else own
     changed = [name for name, digest in files.items() if held.get("files", {}).get(name, digest) != digest]
     if changed:
         raise InputError(f"{out}: holds a training with another content of {changed[0]}; choose another folder")
     if _without_length(held) != _without_length(own) or chosen.n_timesteps < held["settings"]["n_timesteps"]:
         raise InputError(f"{out}: holds a training with other options, or a longer one; choose another folder")
     if finished.is_file() and held == own:
-        kept = _read(finished)
+        kept = _read(finished, "curve", "seconds")
         return Result(out, tuple(kept["curve"]), kept["seconds"])
+    run = _run(options, chosen, out)
     out.mkdir(parents=True, exist_ok=True)
     finished.unlink(missing_ok=True)
-    run = _run(options, chosen, out)
     write_atomic(run.matrix_file, lambda file: np.save(file, run.matrix))
     write_atomic(claim, json.dumps(own, indent=1) + "\n")
     run.learn(progress or (lambda what, share: None))
@@ -49,12 +49,11 @@ def train(options: Options, out: Path | str, progress: Progress | None = None) -
     return Result(out, tuple(run.curve), run.seconds())
 
 
-def _read(file: Path) -> dict[str, Any]:
-    """InputError where a file of the folder is damaged."""
-    try:
-        return dict(json.loads(file.read_text(encoding="utf-8")))
-    except ValueError:
-        raise InputError(f"{file}: damaged; delete the folder, and the training begins again") from None
+def _read(file: Path, *needed: str) -> dict[str, Any]:
+    """InputError where a file of the folder is damaged. needed: what it holds."""
+    with reading(file):
+        found = dict(json.loads(file.read_text(encoding="utf-8")))
+        return {**found, **{name: found[name] for name in needed}}
 
 
 def _files(options: Options) -> dict[str, str]:

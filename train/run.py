@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -21,7 +22,7 @@ from mrdamp.control.policy import VELOCITY, Policy, velocities
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.errors import InputError
-from mrdamp.files import write_atomic
+from mrdamp.files import together, write_atomic
 from mrdamp.shown import Shown
 from mrdamp.train.evaluate import Judge, forces
 from mrdamp.train.imitation import estimated, imitated, with_ground
@@ -35,6 +36,7 @@ _EXPLORED = (8, 2500)  # rows and control periods, whole motions of them, that t
 _HELD = 50  # control periods that an action is held for there
 _FLOOR = 1e-3
 _LESSONS = 6  # loads that a teacher is watched under
+_ANEW = "delete the folder, and the training begins again"
 _LEAST = ("level", "fade", "full", "rise")
 
 
@@ -53,8 +55,27 @@ class Result(Shown):
         return min(self.curve, key=lambda row: row["score"])
 
 
+@contextmanager
+def reading(file: Path) -> Iterator[None]:
+    """InputError for a file of a training's folder that is missing, or not as it was written."""
+    require_file(file)
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception:  # of archives and pickles of any kind, and of what they lack
+        raise InputError(f"{file}: damaged; {_ANEW}") from None
+
+
+def require_file(file: Path) -> None:
+    """InputError where a file of a training's folder is missing."""
+    if not file.is_file():
+        raise InputError(f"{file}: missing; {_ANEW}")
+
+
 class Run(ABC):
-    """A training that is going on. n: rows of its task. Attributes: curve, as in `Result`."""
+    """A training that is going on. n: rows of its task. Attributes: curve, as in `Result`; resumed, whether it goes on
+    from a checkpoint, and reached, the control periods of that."""
 
     def __init__(self, options: Options, chosen: Settings, out: Path, n: int) -> None:
         self.options, self.chosen, self.out = options, chosen, out
@@ -84,9 +105,13 @@ class Run(ABC):
         self.curve: list[dict[str, float]] = []
         self._board: Any = None
         self._before, self._start = 0.0, time.process_time()
-        if self.state_file.is_file():
-            kept = json.loads(self.state_file.read_text())
-            self.curve, self._before = kept["curve"], kept["seconds"]
+        self.resumed = self.state_file.is_file() or self.checkpoint.is_file()
+        if self.resumed:
+            require_file(self.checkpoint)
+            with reading(self.state_file):
+                kept = json.loads(self.state_file.read_text())
+                self.curve, self._before = kept["curve"], float(kept["seconds"])
+                self.reached = int(self.curve[-1]["timesteps"])
 
     def _like(self, model: Path) -> World:
         """The world with another model, seen by the same observer."""
@@ -105,6 +130,11 @@ class Run(ABC):
     @property
     def state_file(self) -> Path:
         return self.out / "state.json"
+
+    @property
+    @abstractmethod
+    def checkpoint(self) -> Path:
+        """The file of `save`."""
 
     @property
     def matrix_file(self) -> Path:
@@ -187,11 +217,12 @@ class Run(ABC):
         score = self.world.score(means)
         best = min((row["score"] for row in self.curve), default=np.inf)
         self.curve.append({"timesteps": float(self.timesteps), "score": score, **means})
-        if score < best:
-            policy.write(self.out / "policy.json")
         self.board({f"validation/{name}": v for name, v in self.curve[-1].items() if name != "timesteps"})
-        self.save()
-        write_atomic(self.state_file, json.dumps({"curve": self.curve, "seconds": self.seconds()}) + "\n")
+        with together():
+            if score < best:
+                policy.write(self.out / "policy.json")
+            self.save()
+            write_atomic(self.state_file, json.dumps({"curve": self.curve, "seconds": self.seconds()}) + "\n")
         return self.curve[-1]
 
     def board(self, values: Mapping[str, float]) -> None:
@@ -214,6 +245,8 @@ class Run(ABC):
             "settings": json.loads(json.dumps(asdict(self.chosen))),
             "timesteps": self.timesteps,
         }
+        if self.task.structure.identity:
+            about["structure"] = self.task.structure.identity
         fresh = Observer.from_dict(self.task.observer.to_dict())
         name, matrix = f"{o.algorithm} seed {o.seed}", self.transform()
         return Policy(
@@ -224,7 +257,11 @@ class Run(ABC):
 
     def _matrix(self, rng: np.random.Generator) -> NDArray[np.float32]:
         if self.matrix_file.is_file():
-            return np.asarray(np.load(self.matrix_file))
+            with reading(self.matrix_file):
+                kept = np.load(self.matrix_file)
+                if kept.ndim != 2 or kept.shape[1] != self.task.observer.size or not np.isfinite(kept).all():
+                    raise ValueError
+                return np.asarray(kept)
         columns = list(self.task.observer.without_peaks)
         matrix = np.eye(self.task.observer.size, dtype=np.float32)[columns]
         if self.chosen.normalize:

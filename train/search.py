@@ -16,7 +16,7 @@ from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.train.evaluate import episodes, forces
 from mrdamp.train.evolution import Cma, Shape, actions
-from mrdamp.train.run import Progress, Run
+from mrdamp.train.run import Progress, Run, reading
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World
 
@@ -51,12 +51,13 @@ class EvolutionRun(Run):
             start = self.shape.linear(start, self.taught())
         self.cma = Cma(start, self._sigma, self.population, rng)
         self._periods = 0
-        if self._checkpoint.is_file():
-            self.cma.load(self._checkpoint)
-            self._periods = int(self.curve[-1]["timesteps"])
+        if self.resumed:
+            with reading(self.checkpoint):
+                self.cma.load(self.checkpoint)
+            self._periods = self.reached
 
     @property
-    def _checkpoint(self) -> Path:
+    def checkpoint(self) -> Path:
         return self.out / "checkpoint.npz"
 
     @property
@@ -78,7 +79,7 @@ class EvolutionRun(Run):
         return self.shape.network(self.cma.average)
 
     def save(self) -> None:
-        write_atomic(self._checkpoint, self.cma.save)
+        write_atomic(self.checkpoint, self.cma.save)
 
     def _scores(self, candidates: Array) -> Array:
         """(population,) of candidates (population, numbers), under loads that each generation draws anew."""

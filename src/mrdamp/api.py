@@ -72,6 +72,7 @@ def compare(
     from mrdamp.compare.benches import bench_of
     from mrdamp.compare.bound import with_bounds
     from mrdamp.compare.comparison import compare as compared
+    from mrdamp.compare.comparison import distinct
     from mrdamp.compare.contenders import contenders, shipped_policies
     from mrdamp.compare.tuning import settings_for
 
@@ -87,7 +88,7 @@ def compare(
     factors = amplitudes or (bench.unseen_amplitudes if loads is None else (1.0,))
     common: dict[str, Any] = {"jobs": jobs, "keep": keep, "progress": progress}
     found = compared(bench, contenders(bench, names, settings, shipped), under, factors, **common)
-    return found if bound is None else with_bounds(bench, found, under, starts=bound, **common)
+    return found if bound is None else with_bounds(bench, found, distinct(bench, under), starts=bound, **common)
 
 
 def train(

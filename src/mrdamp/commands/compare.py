@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,7 +112,7 @@ def run(a: argparse.Namespace) -> int:
 def _compare(a: argparse.Namespace) -> int:
     from mrdamp.compare.benches import bench_of
     from mrdamp.compare.bound import with_bounds
-    from mrdamp.compare.comparison import compare
+    from mrdamp.compare.comparison import compare, distinct
     from mrdamp.compare.contenders import contenders, shipped_policies
     from mrdamp.compare.frame import FrameBench
     from mrdamp.compare.output import write_comparison
@@ -162,6 +163,7 @@ def _compare(a: argparse.Namespace) -> int:
             names = [name for name in names if name not in bench.tuned]
         rows = contenders(bench, names, settings, shipped)
         result = compare(bench, rows, loads, amplitudes, jobs=a.jobs, keep=keep, progress=progress)
+        loads = distinct(bench, loads)
         if a.spread:
             from mrdamp.compare.spread import with_spread
 
@@ -172,15 +174,18 @@ def _compare(a: argparse.Namespace) -> int:
                 bench, result, loads, starts=a.bound, jobs=a.jobs, keep=keep, progress=progress
             )
         about = _about(bench, result, settings, names)
+        noted = " ".join([about, *(f"Note: {note}." for note in result.notes)])
         if a.out:
             progress("page", 1.0)
             with together():
-                page = write_comparison(a.out, bench, result, loads, about, _command(a))
+                page = write_comparison(a.out, bench, result, loads, noted, _command(a))
                 if result.bounds and not a.json:  # which is printed alone
                     save_picture(shares_picture(result), a.out / "shares.png")
                     save_picture(paths_picture(result), a.out / "paths.png")
+    for note in result.notes:
+        print(f"mrdamp: {note}", file=sys.stderr)
     if a.json:
-        print(to_json(result, bench.command_unit, about), end="")
+        print(to_json(result, bench.command_unit, noted), end="")
         return 0
     at = [k for k, m in enumerate(result.measures, start=1) if m.key in bench.headline]
     heads = [m.title.format(unit=bench.command_unit) for m in result.measures if m.key in bench.headline]
@@ -222,7 +227,7 @@ def _about(bench: Bench, result: Comparison, settings: dict[str, Setting], names
     used = {name: s for name, s in settings.items() if any(n.rpartition("=")[2] == name for n in names)}
     if used:
         tuned = ", ".join(f"{name} = {s.spec}" for name, s in used.items())
-        text += f" Tuned on {len(bench.tuning_loads())} others: {tuned}."
+        text += f" Tuned on {len(bench.tuning_loads())} loads: {tuned}."
     return text
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from mrdamp.train.sweep import Setting
 
 _ALGORITHMS = ("ppo", "recurrent", "sac", "td3", "a2c", "ddpg", "es", "adjoint")
+_WHOLE = "a learner takes whole generations or rollouts"
 
 
 def add_to(commands: Any) -> None:
@@ -68,7 +71,7 @@ def run_train(a: argparse.Namespace) -> int:
     """Trains, and prints the validation figures of every seed."""
     from mrdamp.files import together
     from mrdamp.train import curves
-    from mrdamp.train.settings import Options
+    from mrdamp.train.settings import Options, settings
     from mrdamp.train.sweep import sweep
 
     if a.seeds < 1:
@@ -84,14 +87,16 @@ def run_train(a: argparse.Namespace) -> int:
         found = sweep(options, a.out, seeds, a.sweep, a.jobs, progress)
     with together():
         for point in found:
-            _print(point, list(seeds))
+            asked = settings(replace(options, overrides=(*options.overrides, *point.overrides))).n_timesteps
+            _print(point, list(seeds), asked)
         if len(found) > 1:
             compared = {" ".join(point.overrides): point.results for point in found}
             save_picture(curves.compared(compared), a.out / "curves.png")
     return 0
 
 
-def _print(point: Setting, seeds: list[int]) -> None:
+def _print(point: Setting, seeds: list[int], asked: int) -> None:
+    """asked: control periods."""
     from mrdamp.train.curves import curves
 
     if point.overrides:
@@ -102,6 +107,10 @@ def _print(point: Setting, seeds: list[int]) -> None:
         best = result.best
         values = " ".join(f"{best[name]:18.4f}" for name in names)
         print(f"{seed:6d} {best['timesteps']:10.0f} {values} {result.seconds:8.0f}")
+        if best["timesteps"] == 0:
+            print(f"mrdamp: seed {seed}: its policy is untrained, no evaluation beats the start", file=sys.stderr)
+        if (done := result.curve[-1]["timesteps"]) > asked:
+            print(f"mrdamp: seed {seed}: {done:.0f} periods, not {asked}: {_WHOLE}", file=sys.stderr)
     folder = point.results[0].folder.parent
     print(f"policies: {folder}/seed_*/policy.json")
     save_picture(curves(point.results), folder / "curves.png")

@@ -25,8 +25,9 @@ from mrdamp.envs.task import Task, task_of
 from mrdamp.errors import InputError, require_positive
 from mrdamp.library import library_path
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 
-_VERSION = 7  # of what a kept run holds
+_VERSION = 8  # of what a kept run holds
 #: Option of a kind of controller -> what tuning chooses it from, the lower and the upper end.
 Ranges = Mapping[str, tuple[float, float]]
 
@@ -216,7 +217,7 @@ class Bench(ABC):
 
     @abstractmethod
     def own_identity(self) -> list[Any]:
-        """What tuned settings belong to, besides the names of their loads, for JSON."""
+        """What tuned settings belong to, besides their loads, for JSON."""
 
     @abstractmethod
     def about(self) -> str:
@@ -294,6 +295,22 @@ class Bench(ABC):
         library = hashlib.sha256(Path(library_path()).read_bytes()).digest()
         return f"{_VERSION} {__version__} {type(self).__name__}".encode() + content(self) + library
 
+    def forces(self, load: Any) -> Array:
+        """`Structure.forces`. Raises InputError."""
+        return np.asarray(self.structure.forces(load))
+
+    def likeness(self, load: Any) -> str:
+        """Of a load's duration and its forces over their peak: that of loads which differ by a factor is the same."""
+        forces = self.forces(load)
+        peak = forces.flat[np.abs(forces).argmax()] or 1.0
+        return digest([f"{load.duration:.9g}", (np.round(forces / peak, 6) + 0.0).tobytes().hex()])
+
     def identity(self) -> str:
         """What tuned settings belong to, as a hash."""
-        return digest([*self.own_identity(), [load.name for load in self.tuning_loads()]])
+        return digest([*self.own_identity(), [self._sizes(load) for load in self.tuning_loads()]])
+
+    def _sizes(self, load: Any) -> list[Any]:
+        """Of a load, in digits that do not depend on the processor."""
+        forces = self.forces(load)
+        sizes = load.duration, np.abs(forces).max(), np.sqrt(np.mean(forces * forces))
+        return [load.name, forces.shape, *(f"{x:.6g}" for x in sizes)]

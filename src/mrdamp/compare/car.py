@@ -74,7 +74,7 @@ class CarBench(PlantBench):
         Measure("acceleration", "weighted acceleration (m/s2)"),
         Measure("load_share", "dynamic tyre load over static"),
         Measure("airborne", "without contact (%)"),
-        Measure("peak_stroke", "peak stroke (mm)"),
+        Measure("peak_stroke", "peak stroke (m)"),
         *ELECTRIC,
         Measure("dissipated_energy", "dissipated (J)"),
     )
@@ -129,7 +129,7 @@ class CarBench(PlantBench):
         mean = dict(zip(PERIOD, run.of_period.mean(axis=0).tolist(), strict=True))
         return {
             **{key: mean[key] for key in ("comfort", "load", "stroke", "airborne")},
-            "peak_stroke": 1e3 * float(run.of_period[:, PERIOD.index("stroke_peak")].max()),
+            "peak_stroke": float(run.of_period[:, PERIOD.index("stroke_peak")].max()),
             "dissipated_energy": float(run.of_period[:, PERIOD.index("energy")].sum()),
         }
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -15,16 +15,20 @@ from mrdamp.compare.contenders import Contender
 from mrdamp.compare.runner import Progress
 from mrdamp.compare.summary import Summary, difference, summarise
 from mrdamp.compare.tuning import run_grid
+from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model.core import Array
 from mrdamp.shown import Shown
+
+AnyLoad = TypeVar("AnyLoad", bound=Load)
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison(Shown):
     """values: contender -> measure's key -> (seeds, loads, amplitudes); NaN where a measure has no value.
 
-    objective: weights by measure, what controllers are tuned for; others: the same on other structures, by name.
+    objective: weights by measure, what controllers are tuned for; others: the same on other structures, by name; notes:
+    what to know of loads and policies, a line each.
 
     Where there are bounds among the contenders (`mrdamp.compare.bound`): bounds and base, as of a bench, and paths, how
     they were found: (load, amplitude) -> bound -> results of the searches, one a start.
@@ -41,6 +45,7 @@ class Comparison(Shown):
     paths: Mapping[tuple[str, float], Mapping[str, Sequence[Mapping[str, Any]]]] = field(default_factory=dict)
     objective: Mapping[str, float] = field(default_factory=dict)
     others: Mapping[str, Comparison] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         counts = (self.contenders, "controllers"), (self.loads, "loads"), (self.amplitudes, "amplitudes")
@@ -77,14 +82,13 @@ def compare(
     keep: Path | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
-    """Every contender under every load at every amplitude. jobs, keep: see `mrdamp.compare.runner.run_all`.
-
-    Raises InputError.
-    """
+    """Every contender under every one of the `distinct` loads at every amplitude. jobs, keep: see
+    `mrdamp.compare.runner.run_all`. Raises InputError."""
     if not contenders or not loads or not amplitudes:
         raise InputError("compare: give at least one controller, one motion and one amplitude")
     for amplitude in amplitudes:
         require_positive("compare", amplitude=amplitude)
+    given, loads = loads, distinct(bench, loads)
     cases = list(itertools.product(loads, amplitudes))
     specs = [spec for c in contenders for spec in c.specs]
     rows = run_grid(bench, specs, cases, jobs=jobs, keep=keep, progress=progress)
@@ -99,5 +103,32 @@ def compare(
     names = tuple(load.name for load in loads)
     objective = {key: weight for key, (_, weight) in bench.objective.items()}
     return Comparison(
-        tuple(contenders), bench.measures, names, tuple(amplitudes), values, base=bench.base, objective=objective
-    )
+        tuple(contenders), bench.measures, names, tuple(amplitudes), values, base=bench.base, objective=objective,
+        notes=tuple(_notes(bench, contenders, given, loads)),
+    )  # fmt: skip
+
+
+def distinct(bench: Bench, loads: Sequence[AnyLoad]) -> list[AnyLoad]:
+    """The loads without those that are an earlier one but for a factor: intervals are over independent loads."""
+    found: dict[str, AnyLoad] = {}
+    for load in loads:
+        found.setdefault(bench.likeness(load), load)
+    return list(found.values())
+
+
+def _notes(
+    bench: Bench, contenders: Sequence[Contender], given: Sequence[Load], loads: Sequence[Load]
+) -> Iterator[str]:
+    if len(loads) < len(given):
+        yield f"{len(given) - len(loads)} of {len(given)} loads are others but for a factor, and left out"
+    if any(c.periods for c in contenders):
+        known = {bench.likeness(load) for load in bench.tuning_loads()}
+        same = dict.fromkeys(load.name for load in loads if bench.likeness(load) in known)
+        if same:
+            yield f"controllers were tuned or policies chosen on {', '.join(same)} too; others may show less"
+    for c in contenders:
+        if c.learned and c.periods == 0:
+            yield f"{c.name} is untrained: no evaluation of its training was better than its start's"
+        about = Policy.read(c.specs[0].partition(":")[2]).about if c.learned else {}
+        if about.get("structure", bench.structure.identity) != bench.structure.identity:
+            yield f"{c.name} was trained on another version of {bench.environment}: other matrices or places"

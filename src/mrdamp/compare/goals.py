@@ -13,12 +13,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, Measure, content
+from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, Measure
 from mrdamp.compare.plant_run import PlantBench, PlantRun
 from mrdamp.control import registry
 from mrdamp.control.told import knowledge
 from mrdamp.envs.linear import LinearStructure
+from mrdamp.envs.linear_rows import forces_of
 from mrdamp.envs.loads import played
+from mrdamp.model.core import Array
 from mrdamp.motions import TIME_SCALE
 
 _SEED, _MANY = 9_000_401, 6  # of the loads of the evaluation, for judging alone
@@ -94,9 +96,12 @@ class GoalBench(PlantBench):
 
     def own_identity(self) -> list[Any]:
         s = self.structure
-        loads = b"".join(content(s.forces(load)) for load in self.tuning_loads())
-        own = content(s.system) + content(s.at) + content(s.goals) + content([s.strong, s.rod]) + loads
-        return [hashlib.sha256(own).hexdigest(), s.models[0].to_dict()["model"], self.period, self.timestep]
+        loads = hashlib.sha256(b"".join(self.forces(load).tobytes() for load in self.tuning_loads())).hexdigest()
+        own = s.identity, repr(s.goals), s.strong, s.rod, loads
+        return [*own, s.models[0].to_dict()["model"], self.period, self.timestep]
+
+    def forces(self, load: Any) -> Array:
+        return forces_of(self.structure, load)
 
     def key(self, spec: str, load: Any, amplitude: float) -> str:
         """Another one at every call: its code may read anything, so that no run is kept for later."""

@@ -97,17 +97,22 @@ class SavedPolicy:
         zipped, *others = files.split(",")
         given: dict[str, Any] = {}
         self._statistics: Any = None
+        pickled = ""
         for other in others:
             if other.endswith(".json"):
                 given = _mapping(other)
             elif other.endswith(".pkl"):
-                self._statistics = _statistics(other)
+                pickled, self._statistics = other, _statistics(other)
             else:
                 raise InputError(f"{other}: beside a model; allowed: a .pkl of VecNormalize, a .json of arguments")
         try:
             made = task(**given)
         except TypeError as error:
             raise InputError(f"{zipped}: arguments: {first_line(error)}") from None
+        rms: Any = getattr(self._statistics, "obs_rms", None)
+        shape, known = made.observation_space.shape, np.shape(getattr(rms, "mean", np.zeros(0)))
+        if rms is not None and known != shape:
+            raise InputError(f"{pickled}: its statistics are of observations of shape {known}; allowed here: {shape}")
         self.name, self.period = Path(zipped).stem, float(made.rows.period)
         self.observer: Observer = made.observer
         self._largest = made.command_max

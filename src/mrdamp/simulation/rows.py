@@ -37,8 +37,9 @@ _CAR = 5  # of a car's between the rates and the filter: force and rise of dampe
 _NO_NUMBERS = "bcSU"
 
 
-def finite(what: str, values: Any, shape: tuple[int, int]) -> Array:
-    """values as float64 of a shape; an axis of length 1 may be left out. Raises InputError, NaN and None included.
+def finite(what: str, values: Any, shape: tuple[int, ...], *, exact: bool = False) -> Array:
+    """values as float64 of a shape; unless it is exact, an axis of length 1 may be left out. Raises InputError, NaN and
+    None included.
 
     The engine takes a control that is no number for none, and the load with it: nothing may be stepped with one.
     """
@@ -50,8 +51,8 @@ def finite(what: str, values: Any, shape: tuple[int, int]) -> Array:
     except (TypeError, ValueError):
         raise InputError(f"{what} is {values!r}; allowed: finite numbers".replace("\n", "")) from None
     if found.shape != shape:
-        if 1 not in shape or found.size != shape[0] * shape[1]:
-            allowed = shape if shape[0] > 1 else shape[1:]
+        if exact or 1 not in shape or found.size != shape[0] * shape[1]:
+            allowed = shape if exact or shape[0] > 1 else shape[1:]
             raise InputError(f"{what} has shape {found.shape}; allowed: {allowed}")
         found = found.reshape(shape)
     if not math.isfinite(np.add.reduce(found, axis=None)):

@@ -1,0 +1,142 @@
+"""Loads of a comparison: which are independent, and which were used before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from env_arguments import OWN
+from mrdamp import cli
+from mrdamp.compare.bench import Bench
+from mrdamp.compare.benches import bench_of
+from mrdamp.compare.comparison import compare, distinct
+from mrdamp.compare.contenders import Contender
+from mrdamp.compare.goals import GoalBench
+from mrdamp.envs import RecordedMotions
+from mrdamp.envs.linear import own_kind
+from mrdamp.motions import GroundMotion
+
+Isolated: Any = own_kind(OWN)
+ONE, TWO = (GroundMotion(f"sine_{w}", 5e-3, np.sin(w * 5e-3 * np.arange(401))) for w in (9.0, 14.0))
+CONSTANT = Contender("constant", ("constant:value=1",))
+TUNED = replace(CONSTANT, periods=1)
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    return bench_of(OWN, engine="chain")
+
+
+def test_a_load_that_comes_again_is_no_independent_one(bench: Bench) -> None:
+    """Under another name, mirrored, or larger: means and intervals are those of the two loads that there are."""
+    again = replace(ONE, name="other"), ONE.scaled(-0.3), TWO.scaled(7.0)
+    two, five = (
+        compare(bench, [CONSTANT], loads, [1.0]) for loads in ([ONE, TWO], [ONE, *again[:2], TWO, again[2]])
+    )
+    assert five.loads == ("sine_9.0", "sine_14.0")
+    assert five.summary("constant", "shaking") == two.summary("constant", "shaking")
+    assert two.notes == ()
+    assert five.notes == ("3 of 5 loads are others but for a factor, and left out",)
+
+
+def test_another_speed_or_another_sample_makes_another_load(bench: Bench) -> None:
+    changed = ONE.acceleration.copy()
+    changed[200] += 1e-3
+    others = [
+        ONE,
+        ONE.compressed(1.01),
+        replace(ONE, acceleration=changed),
+        replace(ONE, acceleration=changed[:-1]),
+    ]
+    assert distinct(bench, others) == others
+    car = bench_of("car")
+    road = car.unseen_loads()[0]
+    faster = replace(road, speed=1.1 * road.speed)
+    kept = distinct(car, [road, faster, road.scaled(2)])
+    assert len(kept) == 2
+    assert kept[0] is road
+    assert kept[1] is faster
+
+
+def test_of_two_records_a_source_makes_two_loads_and_says_that_tuning_had_them() -> None:
+    class Recorded(Isolated):  # type: ignore[misc]
+        def loads(self) -> Any:
+            return RecordedMotions([ONE, TWO], amplitude=(0.5, 2.0), mirror=True)
+
+    own = GoalBench(Recorded(), engine="chain")
+    found = compare(own, [TUNED], own.unseen_loads(), [1.0])
+    assert sorted(found.loads) == ["sine_14.0", "sine_9.0"]
+    repeated, known = found.notes
+    assert repeated == "4 of 6 loads are others but for a factor, and left out"
+    assert known.startswith("controllers were tuned or policies chosen on sine_")
+    assert len(compare(own, [CONSTANT], own.unseen_loads(), [1.0]).notes) == 1
+
+
+def test_of_drawn_motions_none_is_known(bench: Bench) -> None:
+    loads = list(bench.unseen_loads())
+    assert distinct(bench, loads) == loads
+    known = {bench.likeness(load) for load in bench.tuning_loads()}
+    assert not known & {bench.likeness(load) for load in loads}
+
+
+def test_a_file_that_is_named_twice_is_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("a", "b"):
+        ONE.save(tmp_path / f"{name}.csv")
+    files = [str(tmp_path / f"{name}.csv") for name in ("a", "a", "b")]
+    call = [
+        "compare",
+        OWN,
+        "--controllers",
+        "passive-on",
+        "--engine",
+        "chain",
+        "--jobs",
+        "1",
+        "--motions",
+        *files,
+    ]
+    assert cli.main([*call, "-o", str(tmp_path / "out")]) == 0
+    note = "2 of 3 loads are others but for a factor, and left out"
+    assert capsys.readouterr().err.count(f"mrdamp: {note}\n") == 1
+    for page in ("index.html", "table.md"):
+        assert f"Note: {note}." in (tmp_path / "out" / page).read_text()
+    assert len((tmp_path / "out" / "runs.csv").read_text().splitlines()) == 2
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"places": {"base": (1, 0, 0, 0), "roof": (0, 0, 0, 1)}, "goals": {}},
+        {"places": {"base": (0, 1, 0, 0), "top": (0, 0, 0, 1)}},
+        {"rod": "top"},
+        {"validation": lambda self: [ONE.compressed(2.0)]},
+        {"validation": lambda self: [replace(ONE, acceleration=ONE.acceleration[:-1])]},
+        {"validation": lambda self: [ONE.scaled(2.0)]},
+    ],
+)
+def test_settings_belong_to_places_and_loads_of_their_structure(change: dict[str, Any]) -> None:
+    def identity(**own: Any) -> str:
+        goals = (
+            {k: replace(g, place="roof") for k, g in Isolated.goals.items()}
+            if "goals" in own
+            else Isolated.goals
+        )
+        kind = type("Isolated", (Isolated,), {"validation": lambda self: [ONE], **own, "goals": goals})
+        return GoalBench(kind()).identity()
+
+    assert identity() == identity()
+    assert identity(**change) != identity()
+
+
+@pytest.mark.parametrize("name", ["frame", "cable", "car"])
+def test_settings_belong_to_what_loads_are_and_not_to_their_names_alone(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = bench_of(name)
+    before, loads = own.identity(), own.tuning_loads()
+    monkeypatch.setattr(type(own), "tuning_loads", lambda self: [loads[0].scaled(1.001), *loads[1:]])
+    assert own.identity() != before
