@@ -6,10 +6,7 @@
 
 #include "core/chain.h"
 #include "effects/mechanics.h"
-#include "laws/bingham.h"
-#include "laws/bouc_wen.h"
-#include "laws/hyperbolic_tangent.h"
-#include "laws/modified_bouc_wen.h"
+#include "laws/law.h"
 
 namespace mrdamp {
 
@@ -42,12 +39,7 @@ inline LawForce ForceOfLaw(const Damper& d, const State& s, Real field, Real x, 
   const Fluid fluid = FluidAt(d, c, field);
   const auto force = [&](Real at) {
     const Coefficients k = Evaluate(p, d.law, fluid, at, pace.turned);
-    switch (d.law) {
-      case Law::kBingham: return Bingham::Force(p, k, at);
-      case Law::kBoucWen: return BoucWen::Force(p, k, c.z, x, at);
-      case Law::kHyperbolicTangent: return HyperbolicTangent::Force(p, k, c.z, c.r, x, at);
-      default: return ModifiedBoucWen::Force(p, k, c.z, c.r, x, at);
-    }
+    return OfLaw(d.law, [&](auto law) { return law.Force(p, k, c.z, c.r, x, at); });
   };
   LawForce f = force(v);
   // Coefficients that change with the velocity have a share in the slope.

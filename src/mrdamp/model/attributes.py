@@ -65,28 +65,22 @@ def law_number(law: str) -> int:
     return laws().index(law)
 
 
+def law_row(law: str, what: str) -> str:
+    """What the law's row of the C table has as `parameters`, `search` or `sources`."""
+    return str(getattr(library(), f"mrdamp_law_{what}")(law_number(law)).decode())
+
+
 @functools.cache
 def law_parameters(law: str) -> tuple[str, ...]:
     """Names of the parameters that a law needs, in the contract's order."""
-    lib, number = library(), law_number(law)
-    names = [row.name for i, row in enumerate(attributes()) if lib.mrdamp_law_uses(number, i) == 1]
-    order = _ORDER.get(law, ())
-    return tuple(sorted(names, key=order.index)) if set(order) == set(names) else tuple(names)
+    return tuple(law_row(law, "parameters").partition("|")[0].split())
 
 
 @functools.cache
 def law_options(law: str) -> tuple[str, ...]:
     """Names of the parameters that a law may take besides: nonlinear dependences on the field."""
-    lib, number = library(), law_number(law)
-    return tuple(row.name for i, row in enumerate(attributes()) if lib.mrdamp_law_uses(number, i) == 2)
-
-
-_ORDER = {
-    "bingham": tuple("c0a c0b fya fyb v_ref".split()),
-    "bouc_wen": tuple("c0a c0b alpha_a alpha_b gamma beta A n k0 x0".split()),
-    "hyperbolic_tangent": tuple("k0a k0b k1a k1b c0a c0b c1a c1b m0 f0a f0b v_ref".split()),
-    "modified_bouc_wen": tuple("c0a c0b c1a c1b k0 k1 x0 alpha_a alpha_b gamma beta A n".split()),
-}
+    may = law_row(law, "parameters").partition("|")[2].split()
+    return tuple(sorted(may, key=list(attribute_index()).index))
 
 
 def defaults() -> Array:

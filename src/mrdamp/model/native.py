@@ -15,7 +15,7 @@ from mrdamp.library import library_path, load_plugin
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 11
+_ABI = 12
 ERROR_SIZE = 400
 
 
@@ -116,7 +116,8 @@ def library() -> ctypes.CDLL:
         getattr(lib, f"mrdamp_attribute_{name}").restype = c_char_p
     for name in ("default", "min", "max"):
         getattr(lib, f"mrdamp_attribute_{name}").restype = c_double
-    lib.mrdamp_law_name.restype = c_char_p
+    for name in ("law_name", "law_parameters", "law_search", "law_sources", "source"):
+        getattr(lib, f"mrdamp_{name}").restype = c_char_p
     lib.mrdamp_narx_parse.restype = c_void_p
     lib.mrdamp_narx_parse.argtypes = (c_char_p, c_char_p, c_int)
     lib.mrdamp_narx_free.argtypes = (c_void_p,)
