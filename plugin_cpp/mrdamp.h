@@ -45,6 +45,8 @@ MRDAMP_API const char* mrdamp_law_search(int law);
 MRDAMP_API const char* mrdamp_law_sources(int law);
 /* key, authors, title, journal, year, volume, pages, doi, with tabs between; NULL behind the last source */
 MRDAMP_API const char* mrdamp_source(int i);
+/* name (group of its attributes), stage and what it does, in the same way, in the order of the chain */
+MRDAMP_API const char* mrdamp_effect(int i);
 MRDAMP_API void mrdamp_defaults(double* params);
 /* checks ranges and the parameters required by the law, as in MJCF */
 MRDAMP_API int mrdamp_check(int law, const double* params, char* err, int err_size);

@@ -68,6 +68,14 @@ const char* mrdamp_source(int i) {
   return kSources[i];
 }
 
+const char* mrdamp_effect(int i) {
+  static const char* const kEffects[] = {
+#define MRDAMP_CAUSE(name, stage, words) #name "\t" #stage "\t" words,
+#include "core/attributes.def"
+      nullptr};
+  return kEffects[i];
+}
+
 void mrdamp_defaults(double* params) {
   const Params p;
   std::memcpy(params, p.data(), sizeof(Params));

@@ -42,7 +42,7 @@ struct ChainState {
   Magnet magnet;               // remanence
   Real heat = 0, body = 0;   // K, of the fluid and of the housing
   Real z = 0, r = 0;         // Bouc-Wen z and x - y; or Gavin's g and g'
-  Real bristle = 0;          // m, seal friction
+  Mechanics mechanics;       // seal friction
   Real piston = 0, piston_velocity = 0;  // behind the mount
   Real piston_slope = 0;     // N s/m, d(force)/dv of the last balance, start of the next solve
   Stroke stroke;

@@ -118,9 +118,8 @@ void PocketStage(const Damper& d, State* s, Real x, Real v, const Stage& g, Real
   s->c.gas.slope = own;
 }
 
-void FollowSeal(const Params& p, ChainState* c, const Piece& m) {
-  if (!HasSeal(p)) return;
-  c->bristle = SealFriction::Follow(c->bristle, m.path(), SealLimit(p, Either(m.pace.slip, 0.5 * (m.va + m.vb))), SealSigma(p));
+void FollowMechanics(const Params& p, ChainState* c, const Piece& m) {
+  c->mechanics.Follow(p, m.path(), Either(m.pace.slip, 0.5 * (m.va + m.vb)));
 }
 
 // True if friction falls with the velocity behind a mount: a jump of the damper's force may then make it slip.
@@ -129,7 +128,7 @@ bool MaySlip(const Params& p) { return HasSeal(p) && Head(p.seal_friction_breaka
 // Fluid and mechanics over a piece of piston motion.
 void Through(const Damper& d, State* s, const Piece& m, Real field0, Real field1, Real near) {
   FluidPiece(d, s, m, field0, field1, near);
-  FollowSeal(d.p, &s->c, m);
+  FollowMechanics(d.p, &s->c, m);
 }
 
 // A measure of a damper's force (N) at a velocity.
@@ -179,7 +178,7 @@ Real PocketPiece(const Damper& d, State* s, const Piece& m, Real field0, Real fi
     rate[k] = s->c.gas.rate;
     from = to;
   }
-  FollowSeal(d.p, &s->c, m);
+  FollowMechanics(d.p, &s->c, m);
   return Doubt(Bend(rate), m.dt, 1 / PocketGive(d.p, s->c.gas.stretch), s->c.gas.slope);
 }
 
@@ -218,7 +217,7 @@ Real MountPiece(const Damper& d, State* s, const Piece& m, Real field0, Real fie
       const Piece piece{x_from, 2 * (x - x_from) / dt - v, v, dt, pace};
       if (HasPocket(p)) {
         PocketStage(d, s, x, v, {dt, h, gas, pace}, from, to, here);
-        FollowSeal(p, &s->c, piece);
+        FollowMechanics(p, &s->c, piece);
       } else {
         Through(d, s, piece, from, to, near);
       }

@@ -51,8 +51,6 @@ inline Real VelocityWidth(const Params& p) {
   return Head(p.asymmetry_yield) != 0 || Head(p.asymmetry_viscous) != 0 ? min(thin, p.asymmetry_width) : thin;
 }
 
-inline Real Either(Real given, Real own) { return Select(isnan(given), own, given); }
-
 // Motion of the fluid over a step from x on: velocity linear from va to vb. near: where a solve for the state r begins.
 struct LawStep {
   Real x, va, vb;

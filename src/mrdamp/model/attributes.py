@@ -6,11 +6,12 @@ import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from mrdamp.errors import InputError, nearest
-from mrdamp.model.native import Array, checked, library, pointer
+from mrdamp.model.native import Array, checked, library, pointer, rows
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Attribute:
 def attributes() -> tuple[Attribute, ...]:
     """Every numeric attribute of `mrdamp.damper`, in the order of the parameter vector."""
     lib = library()
-    rows = []
+    out = []
     for i in range(lib.mrdamp_attribute_count()):
         name, group, unit, meaning = (
             getattr(lib, f"mrdamp_attribute_{what}")(i).decode()
@@ -39,16 +40,30 @@ def attributes() -> tuple[Attribute, ...]:
         default, low, high = (
             getattr(lib, f"mrdamp_attribute_{what}")(i) for what in ("default", "min", "max")
         )
-        rows.append(
+        out.append(
             Attribute(name, group, unit, None if math.isnan(default) else default, low, high, meaning)
         )
-    return tuple(rows)
+    return tuple(out)
 
 
 @functools.cache
 def attribute_index() -> dict[str, int]:
     """Position of each attribute in a parameter vector."""
     return {row.name: i for i, row in enumerate(attributes())}
+
+
+class EffectRow(NamedTuple):
+    """An effect of the chain: its name is the group of its attributes; words: what it does."""
+
+    name: str
+    stage: str
+    words: str
+
+
+@functools.cache
+def effects() -> dict[str, EffectRow]:
+    """The effects from driver to sensor, in the order of the chain."""
+    return {row[0]: EffectRow(*row) for row in rows("effect")}
 
 
 @functools.cache

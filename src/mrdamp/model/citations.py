@@ -5,12 +5,11 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import count, takewhile
 
 from mrdamp import __version__, sets
 from mrdamp.errors import InputError
 from mrdamp.model.attributes import law_row, laws
-from mrdamp.model.native import library
+from mrdamp.model.native import rows
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,7 @@ class Reference:
 
 
 def _sources() -> Iterator[Reference]:
-    for row in takewhile(bool, map(library().mrdamp_source, count())):
-        key, authors, title, journal, year, *rest = row.decode().split("\t")
+    for key, authors, title, journal, year, *rest in rows("source"):
         yield Reference(key, tuple(authors.split("; ")), title, journal, int(year), *rest)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from collections.abc import Iterator
+from itertools import count, takewhile
 from typing import Any
 
 import numpy as np
@@ -116,7 +118,7 @@ def library() -> ctypes.CDLL:
         getattr(lib, f"mrdamp_attribute_{name}").restype = c_char_p
     for name in ("default", "min", "max"):
         getattr(lib, f"mrdamp_attribute_{name}").restype = c_double
-    for name in ("law_name", "law_parameters", "law_search", "law_sources", "source"):
+    for name in ("law_name", "law_parameters", "law_search", "law_sources", "source", "effect"):
         getattr(lib, f"mrdamp_{name}").restype = c_char_p
     lib.mrdamp_narx_parse.restype = c_void_p
     lib.mrdamp_narx_parse.argtypes = (c_char_p, c_char_p, c_int)
@@ -165,6 +167,12 @@ def library() -> ctypes.CDLL:
     lib.mrdamp_rows_step_each.argtypes = (c_void_p, c_int, *(c_void_p,) * 5, c_int)
     lib.mrdamp_rows_step_each.restype = None
     return lib
+
+
+def rows(table: str) -> Iterator[list[str]]:
+    """Fields of the rows of the C table's `source` or `effect`."""
+    for row in takewhile(bool, map(getattr(library(), f"mrdamp_{table}"), count())):
+        yield row.decode().split("\t")
 
 
 def pointer(array: Array) -> object:
