@@ -15,6 +15,7 @@ import importlib.util
 import json
 import multiprocessing
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -253,6 +254,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     survivors = [m.name for m in chosen if known[m.name] != "killed"]
     for name in survivors:
         print(f"survives: {name}")
+    table = (ROOT / "plugin_cpp" / "core" / "attributes.def").read_text()
+    for name in sorted(set(re.findall(r"^MRDAMP_(?:LAW|CAUSE)\((\w+),", table, re.M)) - {m.of for m in MUTANTS}):
+        print(f"has no mutant: {name}")
     print(f"{len(chosen) - len(survivors)} of {len(chosen)} mutants are seen by a test")
     return 1 if survivors else 0
 

@@ -55,6 +55,7 @@ int mrdamp_law_count(void) { return kLawCount; }
 const char* mrdamp_law_name(int law) { return kLawNames[law]; }
 int mrdamp_law_find(const char* name) { return FindLaw(name); }
 int mrdamp_law_uses(int law, int i) { return LawUses(static_cast<Law>(law), i); }
+const char* mrdamp_law_equations(int law) { return kLawRows[law].equations; }
 const char* mrdamp_law_parameters(int law) { return kLawRows[law].parameters; }
 const char* mrdamp_law_search(int law) { return kLawRows[law].search; }
 const char* mrdamp_law_sources(int law) { return kLawRows[law].sources; }
@@ -70,7 +71,7 @@ const char* mrdamp_source(int i) {
 
 const char* mrdamp_effect(int i) {
   static const char* const kEffects[] = {
-#define MRDAMP_CAUSE(name, stage, words) #name "\t" #stage "\t" words,
+#define MRDAMP_CAUSE(name, stage, words, equations) #name "\t" #stage "\t" words "\t" equations,
 #include "core/attributes.def"
       nullptr};
   return kEffects[i];

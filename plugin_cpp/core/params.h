@@ -50,7 +50,7 @@ inline constexpr int kLawCount = static_cast<int>(Law::kNarx) + 1;
 extern const char* const kLawNames[kLawCount];
 // The rest of a law's row in attributes.def.
 struct LawRow {
-  const char *parameters, *search, *sources;
+  const char *equations, *parameters, *search, *sources;
 };
 extern const LawRow kLawRows[kLawCount];
 

@@ -15,9 +15,9 @@ const char* const kLawNames[kLawCount] = {
     "narx"};
 
 const LawRow kLawRows[kLawCount] = {
-#define MRDAMP_LAW(name, Type, parameters, search, sources) {parameters, search, sources},
+#define MRDAMP_LAW(name, Type, equations, parameters, search, sources) {equations, parameters, search, sources},
 #include "core/attributes.def"
-    {"|", "", "chen2015 mackay1992"}};
+    {"a network over lagged `x`, `v`, `b` and its own past force (Chen, Ni, Or 2015, Eqs. 5, 9, 11)", "|", "", "chen2015 mackay1992"}};
 
 int FindAttribute(const char* name) {
   for (int i = 0; i < kParamCount; i++) {

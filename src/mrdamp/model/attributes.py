@@ -58,6 +58,7 @@ class EffectRow(NamedTuple):
     name: str
     stage: str
     words: str
+    equations: str
 
 
 @functools.cache
@@ -81,7 +82,7 @@ def law_number(law: str) -> int:
 
 
 def law_row(law: str, what: str) -> str:
-    """What the law's row of the C table has as `parameters`, `search` or `sources`."""
+    """What the law's row of the C table has as `equations`, `parameters`, `search` or `sources`."""
     return str(getattr(library(), f"mrdamp_law_{what}")(law_number(law)).decode())
 
 

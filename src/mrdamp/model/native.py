@@ -118,7 +118,7 @@ def library() -> ctypes.CDLL:
         getattr(lib, f"mrdamp_attribute_{name}").restype = c_char_p
     for name in ("default", "min", "max"):
         getattr(lib, f"mrdamp_attribute_{name}").restype = c_double
-    for name in ("law_name", "law_parameters", "law_search", "law_sources", "source", "effect"):
+    for name in ("law_name", "law_equations", "law_parameters", "law_search", "law_sources", "source", "effect"):
         getattr(lib, f"mrdamp_{name}").restype = c_char_p
     lib.mrdamp_narx_parse.restype = c_void_p
     lib.mrdamp_narx_parse.argtypes = (c_char_p, c_char_p, c_int)
