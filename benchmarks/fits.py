@@ -14,7 +14,7 @@ from benchmarks.result import Figure, Section, of_ratio
 from benchmarks.timing import Effort, clock, interleave, ratio
 from mrdamp.identify import Problem, descend, identify
 from mrdamp.identify.excerpts import excerpts
-from mrdamp.identify.laws import PARAMETRIC, Scales, space
+from mrdamp.identify.laws import Scales, parametric, space
 from mrdamp.model import core
 from mrdamp.model.core import Array
 from mrdamp.narx import lagged, train_narx
@@ -90,7 +90,7 @@ def _over_records(effort: Effort) -> Section:
     train = train if whole else [r.part(r.time[0], r.time[0] + 1.0) for r in train[:3]]
     seconds = sum(r.duration for r in train)
     figures = []
-    for law in PARAMETRIC:
+    for law in parametric():
         begin = clock()
         fit = identify(law, train, starts=4 if whole else 1, threads=1)
         cost = 1e-6 * (clock() - begin)

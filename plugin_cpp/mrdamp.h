@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 11 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 12 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -39,6 +39,15 @@ MRDAMP_API const char* mrdamp_law_name(int law);
 MRDAMP_API int mrdamp_law_find(const char* name);    /* -1: unknown */
 /* 1: the law requires attribute i; 2: it is optional; 0: it is not used */
 MRDAMP_API int mrdamp_law_uses(int law, int i);
+/* rest of a law's row: equations; parameters, behind a bar the optional ones; start and bounds of a fit; keys of sources */
+MRDAMP_API const char* mrdamp_law_equations(int law);
+MRDAMP_API const char* mrdamp_law_parameters(int law);
+MRDAMP_API const char* mrdamp_law_search(int law);
+MRDAMP_API const char* mrdamp_law_sources(int law);
+/* key, authors, title, journal, year, volume, pages, doi, with tabs between; NULL behind the last source */
+MRDAMP_API const char* mrdamp_source(int i);
+/* name (group of its attributes), stage, what it does, equations, in the same way, in the order of the chain */
+MRDAMP_API const char* mrdamp_effect(int i);
 MRDAMP_API void mrdamp_defaults(double* params);
 /* checks ranges and the parameters required by the law, as in MJCF */
 MRDAMP_API int mrdamp_check(int law, const double* params, char* err, int err_size);

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 
@@ -14,19 +13,10 @@ import pytest
 from mjcf_builders import Damper, Sensor, Values, compiled, document, slider
 from modules import TOOLS, loaded
 from mrdamp.model import core
+from mrdamp.model.attributes import effects
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "plugin_cpp" / "README.md").read_text(encoding="utf-8")
-CONTRACT: Mapping[str, str] = {
-    "bingham": "c0a c0b fya fyb v_ref",
-    "bouc_wen": "c0a c0b alpha_a alpha_b gamma beta A n k0 x0",
-    "hyperbolic_tangent": "k0a k0b k1a k1b c0a c0b c1a c1b m0 f0a f0b v_ref",
-    "modified_bouc_wen": "c0a c0b c1a c1b k0 k1 x0 alpha_a alpha_b gamma beta A n",
-    "narx": "",
-}
-EFFECTS = """driver_lag command_delay saturation remanence heating asymmetry shear_thinning trapped_gas gas_spring
-    seal_friction moving_mass mount_compliance backlash sensor_gain sensor_offset sensor_leakage sensor_lag
-    channel_shift""".split()
 WEIGHTS = (
     "mrdamp-narx 1 sample_time 0.001 inputs 1 v:0 offset 0 scale 1 force 0 1 hidden 0 weight 300 bias 0 end"
 )
@@ -94,25 +84,12 @@ def test_readme_lists_every_attribute_once() -> None:
     assert len(set(NAMES)) == len(NAMES)
 
 
-def test_laws_take_the_parameters_of_the_contract() -> None:
-    assert {law: " ".join(core.law_parameters(law)) for law in core.laws()} == CONTRACT
-
-
-def test_readme_says_so_for_every_law() -> None:
-    rows = [line.split(" | ") for line in section("Laws").splitlines() if line.startswith("| `")]
-    assert [row[0].strip("| `") for row in rows] == list(core.laws())
-    for row in rows:
-        law = row[0].strip("| `")
-        assert row[2].strip("`") == (CONTRACT[law] or "weights")
-
-
-def test_effects_are_those_of_the_catalogue() -> None:
-    groups = {row.group for row in core.attributes()} - {"law", "dependence", "command", "numerics"}
-    assert groups == set(EFFECTS)
-    assert sorted(first_column(section("Effects"))) == sorted(EFFECTS)
+def test_attributes_of_an_effect_have_its_name() -> None:
+    others = {"law", "dependence", "command", "numerics"}
+    groups = dict.fromkeys(row.group for row in core.attributes() if row.group not in others)
+    assert list(groups) == list(effects())
     for row in core.attributes():
-        if row.group in groups:
-            assert row.name.startswith(f"{row.group}_")
+        assert row.group in others or row.name.startswith(f"{row.group}_")
 
 
 def test_defaults_are_in_range() -> None:

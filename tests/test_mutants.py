@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from modules import ROOT, TOOLS, loaded
-from mrdamp.model import core
 
 tool = loaded(TOOLS / "mutants.py")
 
@@ -16,10 +15,3 @@ def test_every_mutant_changes_one_place_of_its_file() -> None:
         assert changed != text
         texts[mutant.file] = changed if mutant.cpp else text
         assert all((ROOT / file).is_file() for file in mutant.tests), mutant.name
-
-
-def test_every_law_and_effect_has_one() -> None:
-    of = {mutant.of for mutant in tool.MUTANTS}
-    assert set(core.laws()) <= of
-    effects = {row.group for row in core.attributes()} - {"law", "dependence", "command", "numerics"}
-    assert {e for e in effects if not e.startswith("sensor_")} <= of

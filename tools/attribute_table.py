@@ -1,7 +1,7 @@
-"""Writes the attribute tables of plugin_cpp/README.md from the C table: `python tools/attribute_table.py [--check]`.
+"""Writes the tables of plugin_cpp/README.md from the C table: `python tools/attribute_table.py [--check]`.
 
-The tables stand between two marker lines. With `--check` nothing is written, and the exit code is 1 where the
-file and the C table disagree.
+The laws, the effects and the attributes stand between two marker lines each. With `--check` nothing is written, and
+the exit code is 1 where the file and the C table disagree.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from mrdamp.model import core
+from mrdamp.model.attributes import effects, law_row
+from mrdamp.model.citations import Reference, references
 
 README = Path(__file__).resolve().parents[1] / "plugin_cpp" / "README.md"
-BEGIN = "<!-- attribute tables: written by tools/attribute_table.py -->"
-END = "<!-- end of the attribute tables -->"
 
 #: What stands over the tables.
 _LAWS = """Coefficients of the laws; the [table of laws](#laws) says which law needs which. A coefficient with suffixes
@@ -65,30 +65,57 @@ def rows(of_laws: bool) -> Iterator[str]:
             yield line(family, row, row.meaning.replace(" at zero field", ""))
 
 
-def tables() -> str:
-    """The text between the markers, markers included."""
-    return "\n\n".join([BEGIN, _LAWS, "\n".join(rows(True)), _REST, "\n".join(rows(False)), END])
+def law_table() -> str:
+    """The laws with their equations, parameters and sources."""
+    lines = ["| law | equations | parameters | source |", "|---|---|---|---|"]
+    for law, sources in references().items():
+        needs = " ".join(core.law_parameters(law)) or "weights"
+        lines.append(f"| `{law}` | {law_row(law, 'equations')} | `{needs}` | {'; '.join(map(short, sources))} |")
+    return "\n".join(lines)
+
+
+def short(source: Reference) -> str:
+    """Names, year and DOI."""
+    names = ", ".join(author.partition(",")[0] for author in source.authors)
+    return f"{names} {source.year}" + (f", doi:{source.doi}" if source.doi else "")
+
+
+def effect_table() -> str:
+    """The effects with their equations, in the order of the chain."""
+    lines = ["| effect | stage | equations |", "|---|---|---|"]
+    return "\n".join([*lines, *(f"| `{e.name}` | {e.stage} | {e.equations} |" for e in effects().values())])
+
+
+def attribute_tables() -> str:
+    """The attributes by what they are for."""
+    return "\n\n".join([_LAWS, "\n".join(rows(True)), _REST, "\n".join(rows(False))])
+
+
+_TABLES = {"laws": law_table, "effects": effect_table, "attributes": attribute_tables}
 
 
 def replaced(text: str) -> str:
     """The README's text with the tables of now; ValueError where the markers are missing."""
-    head, begin, rest = text.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not begin or not end:
-        raise ValueError(f"{README.name}: the markers of the attribute tables are missing")
-    return head + tables() + tail
+    for name, table in _TABLES.items():
+        begin, end = f"<!-- {name}: written by tools/attribute_table.py -->", f"<!-- end of {name} -->"
+        head, found, rest = text.partition(begin)
+        _, closed, tail = rest.partition(end)
+        if not found or not closed:
+            raise ValueError(f"{README.name}: the markers of the table of {name} are missing")
+        text = f"{head}{begin}\n\n{table()}\n\n{end}{tail}"
+    return text
 
 
 def main() -> int:
     """The command: 0, or 1 where `--check` finds a difference."""
-    parser = argparse.ArgumentParser(description="Writes the attribute tables of plugin_cpp/README.md.")
+    parser = argparse.ArgumentParser(description="Writes the tables of plugin_cpp/README.md.")
     parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 where they differ")
     check = parser.parse_args().check
     old = README.read_text(encoding="utf-8")
     new = replaced(old)
     if check and new != old:
         print(
-            f"{README.name}: the attribute tables are out of date: python tools/attribute_table.py",
+            f"{README.name}: its tables are out of date: python tools/attribute_table.py",
             file=sys.stderr,
         )
         return 1

@@ -15,6 +15,7 @@ import importlib.util
 import json
 import multiprocessing
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -95,8 +96,8 @@ MUTANTS = (
            ("beta + Select(back, -gamma, gamma)", "gamma + Select(back, -beta, beta)")),
     *_some("hyperbolic_tangent", _L + "hyperbolic_tangent.h", "laws plugin_physics",
            ("k.k1 * (x - g) + k.c1 * (v - rate)", "k.k1 * (x - g) + k.c1 * v"),
-           ("mass * *rate + k.k1 * x1 + k.c1 * vb - spring * from", "mass * *rate + k.k1 * x1 + k.c1 * vb"),
-           ("p.m0 / dt", "0.5 * p.m0 / dt", "double dt, Real guess) {\n    const Real mass = ")),
+           ("mass * *rate + k.k1 * x1 + k.c1 * m.vb - spring * from", "mass * *rate + k.k1 * x1 + k.c1 * m.vb"),
+           ("p.m0 / dt", "0.5 * p.m0 / dt", "double dt = m.dt;\n    const Real mass = ")),
     *_some("modified_bouc_wen", _L + "modified_bouc_wen.h", "laws plugin_physics",
            ("k.c1 * v - k.yield * z - k.k0 * r", "k.c1 * v - k.yield * z + k.k0 * r"),
            ("k.k1 * (x - p.x0)", "k.k1 * x")),
@@ -105,12 +106,14 @@ MUTANTS = (
            ("std::tanh(s)", "std::atan(s)")),
     *_some("dependence on the field", _L + "coefficients.h", "laws effects",
            ("slope + c * b", "slope - c * b"),
-           ("1 - exp(-r * max(b, 0.0))", "exp(-r * max(b, 0.0))"),
-           ("exp(-p.hysteresis_rate * max(b, 0.0))", "exp(-2 * p.hysteresis_rate * max(b, 0.0))")),
+           ("1 - exp(-r * max(b, 0.0))", "exp(-r * max(b, 0.0))")),
+    *_some("hysteresis_rate", _L + "bouc_wen.h", "laws effects",
+           ("exp(-p.hysteresis_rate * max(f.b, 0.0))", "exp(-2 * p.hysteresis_rate * max(f.b, 0.0))")),
     *_some("shear_thinning", _L + "coefficients.h", _FORMS,
-           ("(p.shear_thinning_m - 1) / a", "(1 - p.shear_thinning_m) / a"),
+           ("(p.shear_thinning_m - 1) / a", "(1 - p.shear_thinning_m) / a")),
+    *_some("shear_thinning of c1", _L + "law.h", _FORMS,
            ("1 + p.shear_thinning_series * (thin - 1)", "1 - p.shear_thinning_series * (thin - 1)")),
-    *_some("asymmetry", _L + "coefficients.h", _FORMS,
+    *_some("asymmetry", _L + "law.h", _FORMS,
            ("1 + p.asymmetry_yield * side", "1 - p.asymmetry_yield * side"),
            ("1 + p.asymmetry_viscous * side", "1 + 0.5 * p.asymmetry_viscous * side")),
     *_some("driver_lag", _E + "driver.h", _FORMS,
@@ -251,6 +254,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     survivors = [m.name for m in chosen if known[m.name] != "killed"]
     for name in survivors:
         print(f"survives: {name}")
+    table = (ROOT / "plugin_cpp" / "core" / "attributes.def").read_text()
+    for name in sorted(set(re.findall(r"^MRDAMP_(?:LAW|CAUSE)\((\w+),", table, re.M)) - {m.of for m in MUTANTS}):
+        print(f"has no mutant: {name}")
     print(f"{len(chosen) - len(survivors)} of {len(chosen)} mutants are seen by a test")
     return 1 if survivors else 0
 

@@ -42,7 +42,7 @@ bool Finite(const char* name, const double* a, int n, char* err, int size) {
 
 extern "C" {
 
-int mrdamp_abi(void) { return 11; }
+int mrdamp_abi(void) { return 12; }
 int mrdamp_attribute_count(void) { return kParamCount; }
 const char* mrdamp_attribute_name(int i) { return kAttributes[i].name; }
 const char* mrdamp_attribute_group(int i) { return kAttributes[i].group; }
@@ -55,6 +55,27 @@ int mrdamp_law_count(void) { return kLawCount; }
 const char* mrdamp_law_name(int law) { return kLawNames[law]; }
 int mrdamp_law_find(const char* name) { return FindLaw(name); }
 int mrdamp_law_uses(int law, int i) { return LawUses(static_cast<Law>(law), i); }
+const char* mrdamp_law_equations(int law) { return kLawRows[law].equations; }
+const char* mrdamp_law_parameters(int law) { return kLawRows[law].parameters; }
+const char* mrdamp_law_search(int law) { return kLawRows[law].search; }
+const char* mrdamp_law_sources(int law) { return kLawRows[law].sources; }
+
+const char* mrdamp_source(int i) {
+  static const char* const kSources[] = {
+#define MRDAMP_SOURCE(key, authors, title, journal, year, volume, pages, doi) \
+  #key "\t" authors "\t" title "\t" journal "\t" year "\t" volume "\t" pages "\t" doi,
+#include "core/attributes.def"
+      nullptr};
+  return kSources[i];
+}
+
+const char* mrdamp_effect(int i) {
+  static const char* const kEffects[] = {
+#define MRDAMP_CAUSE(name, stage, words, equations) #name "\t" #stage "\t" words "\t" equations,
+#include "core/attributes.def"
+      nullptr};
+  return kEffects[i];
+}
 
 void mrdamp_defaults(double* params) {
   const Params p;

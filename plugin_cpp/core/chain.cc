@@ -6,7 +6,6 @@
 #include "core/piece.h"
 #include "effects/magnetics.h"
 #include "effects/mechanics.h"
-#include "laws/hyperbolic_tangent.h"
 
 namespace mrdamp {
 
@@ -24,11 +23,12 @@ int Pieces(const Damper& d, double dt) {
   return n > 1 ? static_cast<int>(min(std::ceil(n - 1e-9), 1e6)) : 1;
 }
 
-// How much an inner rate that is fast against dt changes with a jump of the field: the tanh law's g' alone.
+// How much an inner rate that is fast against dt changes with a jump of the field.
 Real InnerJump(const Damper& d, const ChainState& c, Real x, Real v, Real field0, Real field1, double dt) {
-  if (d.law != Law::kHyperbolicTangent || All(field0 == field1)) return 0;
+  if (!Is(d.law).inner || All(field0 == field1)) return 0;
   const auto rate = [&](Real field) {
-    return HyperbolicTangent::Rate(d.p, Evaluate(d.p, d.law, FluidAt(d, c, field), v), c.z, c.r, x, v, dt);
+    const Coefficients k = Evaluate(d.p, d.law, FluidAt(d, c, field), v);
+    return OfLaw(d.law, [&](auto law) { return law.Rate(d.p, k, c.z, c.r, x, v, dt); });
   };
   return rate(field1) - rate(field0);
 }
@@ -42,10 +42,10 @@ void Start(const Damper& d, State* s, Real x, Real v, Real u) {
   c.coil.Start(d.p, d.Clamp(u));
   c.magnet.Start(d.p, d.Acting(d.Clamp(u)));
   c.heat = c.body = d.p.heating_start;
-  if (d.law == Law::kModifiedBoucWen) c.r = d.p.start_r;
+  if (Is(d.law).slow) c.r = d.p.start_r;
   c.piston = x;
   if (HasMount(d.p)) x = c.piston = Rest(d, *s, x);
-  if (d.law == Law::kHyperbolicTangent) c.z = x;
+  if (Is(d.law).inner) c.z = x;
   c.stroke.extreme = c.stroke.turn = c.stroke.last = x;
   c.stroke.pocket = Select(d.p.trapped_gas_direction < 0, PocketReach(d.p), 0);
   c.piston_velocity = HasMount(d.p) ? 0 : v;

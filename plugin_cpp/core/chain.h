@@ -12,17 +12,17 @@
 #include "effects/magnetics.h"
 #include "effects/mechanics.h"
 #include "effects/mount.h"
-#include "laws/coefficients.h"
+#include "laws/law.h"
 #include "laws/narx.h"
 
 namespace mrdamp {
 
 // A damper's fixed part.
 struct Damper {
-  #ifdef MRDAMP_LAW  // packs are made for one law each
-  static constexpr Law law = Law::MRDAMP_LAW;
+#ifdef MRDAMP_PACK_LAW  // packs are made for one law each
+  static constexpr Law law = Law::MRDAMP_PACK_LAW;
 #else
-  Law law = Law::kBingham;
+  Law law{};
 #endif
   Params p;
   const NarxNet* net = nullptr;  // narx alone; not owned
@@ -42,7 +42,7 @@ struct ChainState {
   Magnet magnet;               // remanence
   Real heat = 0, body = 0;   // K, of the fluid and of the housing
   Real z = 0, r = 0;         // Bouc-Wen z and x - y; or Gavin's g and g'
-  Real bristle = 0;          // m, seal friction
+  Mechanics mechanics;       // seal friction
   Real piston = 0, piston_velocity = 0;  // behind the mount
   Real piston_slope = 0;     // N s/m, d(force)/dv of the last balance, start of the next solve
   Stroke stroke;
@@ -115,8 +115,8 @@ Observation Observe(const Damper& d, const State& s, Real x, Real v, Real a, Rea
 // The force alone, before a change of the command; behind a mount it is independent of the damper's force.
 Real RodForce(const Damper& d, const State& s, Real x, Real v, Real a, Real u);
 
-// How much an inner rate that is fast against dt changes with a jump of the command from u0 to u1, within dt; the tanh
-// law's g' alone.
+// How much an inner rate that is fast against dt changes with a jump of the command from u0 to u1, within dt: that of
+// a law with an inner displacement.
 Real RateJump(const Damper& d, const State& s, Real x, Real v, Real u0, Real u1, double dt);
 
 // The coil current alone.

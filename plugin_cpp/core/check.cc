@@ -50,18 +50,7 @@ bool Check(const Damper& d, char* error, int error_size) {
                   p.driver_lag_gain, p.driver_lag_tau / (1 + p.driver_lag_gain));
     return false;
   }
-  if ((d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen) && p.beta + p.gamma <= 0) {
-    std::snprintf(error, error_size, "beta + gamma = %g; it must be above 0, or z grows without bound", p.beta + p.gamma);
-    return false;
-  }
-  if ((d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen) && p.gamma < 0) {
-    std::snprintf(error, error_size, "gamma = %g; it must be at least 0, or z grows without bound after a turn", p.gamma);
-    return false;
-  }
-  if (d.law == Law::kModifiedBoucWen && !(p.c1a > 0)) {
-    std::snprintf(error, error_size, "c1a = %g; it must be above 0, or no force passes", p.c1a);
-    return false;
-  }
+  if (!OfLaw(d.law, [&](auto law) { return law.Check(p, error, error_size); })) return false;
   if (d.law == Law::kNarx && (p.asymmetry_yield != 0 || p.asymmetry_viscous != 0)) {
     std::snprintf(error, error_size, "%s: a narx law has no part of its own to act on; use asymmetry_a",
                   p.asymmetry_yield != 0 ? "asymmetry_yield" : "asymmetry_viscous");

@@ -6,10 +6,7 @@
 
 #include "core/chain.h"
 #include "effects/mechanics.h"
-#include "laws/bingham.h"
-#include "laws/bouc_wen.h"
-#include "laws/hyperbolic_tangent.h"
-#include "laws/modified_bouc_wen.h"
+#include "laws/law.h"
 
 namespace mrdamp {
 
@@ -42,12 +39,7 @@ inline LawForce ForceOfLaw(const Damper& d, const State& s, Real field, Real x, 
   const Fluid fluid = FluidAt(d, c, field);
   const auto force = [&](Real at) {
     const Coefficients k = Evaluate(p, d.law, fluid, at, pace.turned);
-    switch (d.law) {
-      case Law::kBingham: return Bingham::Force(p, k, at);
-      case Law::kBoucWen: return BoucWen::Force(p, k, c.z, x, at);
-      case Law::kHyperbolicTangent: return HyperbolicTangent::Force(p, k, c.z, c.r, x, at);
-      default: return ModifiedBoucWen::Force(p, k, c.z, c.r, x, at);
-    }
+    return OfLaw(d.law, [&](auto law) { return law.Force(p, k, c.z, c.r, x, at); });
   };
   LawForce f = force(v);
   // Coefficients that change with the velocity have a share in the slope.
@@ -59,45 +51,14 @@ inline LawForce ForceOfLaw(const Damper& d, const State& s, Real field, Real x, 
   return f;
 }
 
-// Force of the fluid alone, moving at v, before any gas; the law's spring at the piston's x is returned in `spring`.
-inline Real FlowForce(const Damper& d, const State& s, Real field, Real x, Real v, Real* slope, Real* spring,
-                        Pace pace) {
-  const Params& p = d.p;
-  const LawForce f = ForceOfLaw(d, s, field, x, v, pace);
-  *spring = f.spring;
-  if (Head(p.asymmetry_travel) > 0 || HasTimedPlate(p)) {
-    const Real factor = 1 + p.asymmetry_a * s.c.plate;
-    *slope = factor * f.slope;
-    return factor * f.fluid;
-  }
-  Real rate;
-  if (Head(p.asymmetry_force) > 0 && Head(p.asymmetry_a) != 0) {
-    const Real force = AsymmetryByForce(p, f.fluid, &rate);
-    *slope = rate * f.slope;
-    return force;
-  }
-  const Real factor = Asymmetry(p, Either(pace.turned, v), &rate);
-  *slope = factor * f.slope + Select(isnan(pace.turned), rate * f.fluid, 0);
-  return factor * f.fluid;
-}
-
-// The same with the effect of gas.
+// Force of the fluid alone, moving at v; the law's spring at the piston's x is returned in `spring`.
 inline Real FluidForce(const Damper& d, const State& s, Real field, Real x, Real v, Real* slope, Real* spring,
                          Pace pace = {}) {
-  const Params& p = d.p;
-  Real force = FlowForce(d, s, field, x, v, slope, spring, pace);
-  if (!HasTrappedGas(p)) return force;
-  Stroke stroke = s.c.stroke;
-  stroke.Follow(x, p);
-  if (Head(p.trapped_gas_force) > 0) {
-    Real limited;
-    force = LimitedByGas(p, stroke, force, &limited);
-    *slope *= limited;
-    return force;
-  }
-  const Real factor = TrappedGas(p, stroke, x, Either(pace.turned, v));
-  *slope *= factor;
-  return factor * force;
+  LawForce f = ForceOfLaw(d, s, field, x, v, pace);
+  ActOnFluid(d.p, s.c.stroke, s.c.plate, x, v, pace.turned, &f.fluid, &f.slope);
+  *spring = f.spring;
+  *slope = f.slope;
+  return f.fluid;
 }
 
 // Force of damper and mechanics on the piston side of the mount, without inertia.
@@ -112,14 +73,8 @@ inline Real PistonForce(const Damper& d, const State& s, Real field, Real x, Rea
     fluid = Select(gas, PocketForce(p, s.c.gas.stretch), fluid);
     *slope = Select(gas, 0, *slope);
   }
-  Real force = fluid + spring + GasSpring(p, x);
-  if (HasSeal(p) && Head(p.seal_friction_width) > 0) {
-    Real own;
-    force += SealFriction::Slip(SealLimit(p, Either(pace.slip, v)), p.seal_friction_width, v, &own);
-    *slope += own;
-  } else if (HasSeal(p)) {
-    force += SealSigma(p) * s.c.bristle;
-  }
+  Real force = fluid + spring;
+  s.c.mechanics.Act(p, x, v, Either(pace.slip, v), &force, slope);
   return force;
 }
 

@@ -40,14 +40,10 @@ std::string Alike(const Damper& d) {
 
 }  // namespace mrdamp
 
-#ifdef MRDAMP_PACKS  // laws in the order of mrdamp::Law; see lanes/pack.cc
-#define MRDAMP_LAWS(do, kind) do(kind##_kBingham) do(kind##_kBoucWen) do(kind##_kHyperbolicTangent) do(kind##_kModifiedBoucWen)
-#define MRDAMP_DECLARE(pack) extern "C" const MrdampPack pack;
-#define MRDAMP_LIST(pack) &pack,
-MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_pack_4)
-MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_pack_8)
-MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_plain_4)
-MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_plain_8)
+#ifdef MRDAMP_PACKS  // see lanes/pack.cc
+#define MRDAMP_LAW(name, Type, ...) \
+  extern "C" const MrdampPack mrdamp_pack_4_k##Type, mrdamp_plain_4_k##Type, mrdamp_pack_8_k##Type, mrdamp_plain_8_k##Type;
+#include "core/attributes.def"
 
 namespace mrdamp {
 
@@ -60,16 +56,18 @@ int Widest(int asked) {
 }
 
 const MrdampPack* PackFor(const std::vector<Damper>& dampers, int lanes) {
-  static const MrdampPack* const packs[2][2][kLawCount - 1] = {
-      {{MRDAMP_LAWS(MRDAMP_LIST, mrdamp_pack_4)}, {MRDAMP_LAWS(MRDAMP_LIST, mrdamp_plain_4)}},
-      {{MRDAMP_LAWS(MRDAMP_LIST, mrdamp_pack_8)}, {MRDAMP_LAWS(MRDAMP_LIST, mrdamp_plain_8)}}};
+  static const MrdampPack* const packs[][2][2] = {
+#define MRDAMP_LAW(name, Type, ...) \
+  {{&mrdamp_pack_4_k##Type, &mrdamp_plain_4_k##Type}, {&mrdamp_pack_8_k##Type, &mrdamp_plain_8_k##Type}},
+#include "core/attributes.def"
+  };
   bool plain = true;
   for (const Damper& d : dampers) {
     if (d.law != dampers[0].law || d.hold != dampers[0].hold || Alike(d).empty()) return nullptr;
     plain = plain && Plain(d.p);
   }
   if (lanes < 4 || dampers.empty()) return nullptr;
-  return packs[lanes == 8][plain][static_cast<int>(dampers[0].law)];
+  return packs[static_cast<int>(dampers[0].law)][lanes == 8][plain];
 }
 
 }  // namespace mrdamp

@@ -41,9 +41,18 @@ struct Attribute {
 };
 extern const Attribute kAttributes[kParamCount];
 
-enum class Law : int { kBingham, kBoucWen, kHyperbolicTangent, kModifiedBoucWen, kNarx };
-inline constexpr int kLawCount = 5;
+enum class Law : int {
+#define MRDAMP_LAW(name, Type, ...) k##Type,
+#include "core/attributes.def"
+  kNarx,
+};
+inline constexpr int kLawCount = static_cast<int>(Law::kNarx) + 1;
 extern const char* const kLawNames[kLawCount];
+// The rest of a law's row in attributes.def.
+struct LawRow {
+  const char *equations, *parameters, *search, *sources;
+};
+extern const LawRow kLawRows[kLawCount];
 
 // Index of an attribute in Params; -1 if there is none of that name.
 int FindAttribute(const char* name);

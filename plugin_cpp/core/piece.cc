@@ -7,9 +7,7 @@
 #include "core/solve.h"
 #include "effects/mechanics.h"
 #include "effects/mount.h"
-#include "laws/bouc_wen.h"
-#include "laws/hyperbolic_tangent.h"
-#include "laws/modified_bouc_wen.h"
+#include "laws/hysteresis.h"
 
 namespace mrdamp {
 
@@ -32,17 +30,11 @@ void FluidPiece(const Damper& d, State* s, const Piece& m, Real field0, Real fie
       const double v = Head(m.va + (m.vb - m.va) * w);
       Narx::Push(*d.net, s->past, Head(m.x + 0.5 * (m.va + v) * t), v, Head(field0 + (field1 - field0) * w));
     }
-  } else if (d.law != Law::kBingham) {
+  } else {
     // Where a step solves for the rate at its end, the coefficients are those of the end.
-    const bool end = d.law == Law::kHyperbolicTangent;
+    const bool end = Is(d.law).inner;
     const Coefficients k = Evaluate(p, d.law, FluidAt(d, c, end ? field1 : 0.5 * (field0 + field1)), end ? m.vb : mean, m.pace.turned);
-    if (d.law == Law::kBoucWen) {
-      c.z = BoucWen::Step(p, k, c.z, m.va, m.vb, m.dt);
-    } else if (d.law == Law::kHyperbolicTangent) {
-      HyperbolicTangent::Step(p, k, &c.z, &c.r, m.x, m.va, m.vb, m.dt, near);
-    } else {
-      ModifiedBoucWen::Step(p, k, &c.z, &c.r, m.va, m.vb, m.dt);
-    }
+    OfLaw(d.law, [&](auto law) { law.Step(p, k, &c.z, &c.r, {m.x, m.va, m.vb, m.dt, near}); });
   }
   c.time += m.dt;
   if (Head(p.asymmetry_travel) > 0) c.plate = FollowPlate(p, c.plate, path);
@@ -126,9 +118,8 @@ void PocketStage(const Damper& d, State* s, Real x, Real v, const Stage& g, Real
   s->c.gas.slope = own;
 }
 
-void FollowSeal(const Params& p, ChainState* c, const Piece& m) {
-  if (!HasSeal(p)) return;
-  c->bristle = SealFriction::Follow(c->bristle, m.path(), SealLimit(p, Either(m.pace.slip, 0.5 * (m.va + m.vb))), SealSigma(p));
+void FollowMechanics(const Params& p, ChainState* c, const Piece& m) {
+  c->mechanics.Follow(p, m.path(), Either(m.pace.slip, 0.5 * (m.va + m.vb)));
 }
 
 // True if friction falls with the velocity behind a mount: a jump of the damper's force may then make it slip.
@@ -137,15 +128,14 @@ bool MaySlip(const Params& p) { return HasSeal(p) && Head(p.seal_friction_breaka
 // Fluid and mechanics over a piece of piston motion.
 void Through(const Damper& d, State* s, const Piece& m, Real field0, Real field1, Real near) {
   FluidPiece(d, s, m, field0, field1, near);
-  FollowSeal(d.p, &s->c, m);
+  FollowMechanics(d.p, &s->c, m);
 }
 
 // A measure of a damper's force (N) at a velocity.
 Real Size(const Damper& d, const ChainState& c, Real field, Real v) {
   if (d.law == Law::kNarx) return d.net->force_scale;
   const Coefficients k = Evaluate(d.p, d.law, FluidAt(d, c, field), 0);
-  const bool hysteresis = d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen;
-  const Real yield = k.yield * (hysteresis ? Root(d.p.A / (k.beta + k.gamma), d.p.n) : 1);
+  const Real yield = k.yield * (Is(d.law).hysteresis ? Root(d.p.A / (k.beta + k.gamma), d.p.n) : 1);
   return fmax(yield + d.p.seal_friction_coulomb, k.c0 * fabs(v)) + 1e-6;
 }
 
@@ -188,7 +178,7 @@ Real PocketPiece(const Damper& d, State* s, const Piece& m, Real field0, Real fi
     rate[k] = s->c.gas.rate;
     from = to;
   }
-  FollowSeal(d.p, &s->c, m);
+  FollowMechanics(d.p, &s->c, m);
   return Doubt(Bend(rate), m.dt, 1 / PocketGive(d.p, s->c.gas.stretch), s->c.gas.slope);
 }
 
@@ -227,7 +217,7 @@ Real MountPiece(const Damper& d, State* s, const Piece& m, Real field0, Real fie
       const Piece piece{x_from, 2 * (x - x_from) / dt - v, v, dt, pace};
       if (HasPocket(p)) {
         PocketStage(d, s, x, v, {dt, h, gas, pace}, from, to, here);
-        FollowSeal(p, &s->c, piece);
+        FollowMechanics(p, &s->c, piece);
       } else {
         Through(d, s, piece, from, to, near);
       }
@@ -263,8 +253,7 @@ Real MountPiece(const Damper& d, State* s, const Piece& m, Real field0, Real fie
     s->c.piston = base + h * v;
     s->c.piston_velocity = v;
     // A hysteresis bends within a step: the secant over it is the better guess for the next one.
-    const bool bends = d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen;
-    s->c.piston_slope = bends ? fmin(fmax(rise - mass / h, own), 1e3 * own) : own;
+    s->c.piston_slope = Is(d.law).hysteresis ? fmin(fmax(rise - mass / h, own), 1e3 * own) : own;
     stiffest = fmax(stiffest, start.elastomer.Slope(p, view, 0, over));
     if (HasElastomer(p)) s->c.elastomer.Follow(p, rod - s->c.piston, over);
     velocity[k] = v;
@@ -296,7 +285,7 @@ Real Rest(const Damper& d, const State& s, Real x) {
   State at = s;
   const auto left = [&](Real piston, Mask) {
     Real slope;
-    if (d.law == Law::kHyperbolicTangent) at.c.z = piston;
+    if (Is(d.law).inner) at.c.z = piston;
     at.c.stroke.turn = at.c.stroke.extreme = at.c.stroke.last = piston;
     return PistonForce(d, at, FieldNow(d, s.c), piston, 0, &slope) - s.c.elastomer.Force(d.p, x - piston);
   };

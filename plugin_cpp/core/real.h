@@ -301,6 +301,8 @@ inline Real Each(double (*f)(double), Real x) {
 #endif
 }
 
+inline Real Either(Real given, Real own) { return Select(isnan(given), own, given); }
+
 }  // namespace mrdamp
 
 #endif  // MRDAMP_CORE_REAL_H_

@@ -33,7 +33,7 @@ void Rebase(const Damper& d, Real dx, State* s) {
   }
   c.time = 0;
   c.heat = c.body = d.p.heating_start;
-  if (d.law == Law::kHyperbolicTangent) c.z += dx;
+  if (Is(d.law).inner) c.z += dx;
   for (Real* x : {&c.piston, &c.stroke.extreme, &c.stroke.turn, &c.stroke.last}) *x += dx;
 }
 
@@ -110,8 +110,8 @@ void Run(const Damper& d, const MrdampLane* lanes, int count, double dt, int nco
       const Sensor shown = sensor;
       const State others = s;
       Start(d, &s, to.x, to.v, to.u);
-      // A slow state (x - y) would take longer than the run-in to come from its end to the middle of the motion.
-      if (d.law == Law::kModifiedBoucWen) {
+      // A slow state would take longer than the run-in to come from its end to the middle of the motion.
+      if (Is(d.law).slow) {
         s.c.r = to.x - Gather([&](int l) {
           double sum = 0;
           for (int k = lane[l].from; k <= lane[l].to; k++) sum += lane[l].x[k];
@@ -127,7 +127,7 @@ void Run(const Damper& d, const MrdampLane* lanes, int count, double dt, int nco
   if (begin > 0) {
     const Inputs first = sample(0);
     Rebase(d, first.x - from.x, &s);
-    if (d.law == Law::kModifiedBoucWen) s.c.r += d.p.start_r;
+    if (Is(d.law).slow) s.c.r += d.p.start_r;
     sensor.unsettled = 1;
     from = first;
   }

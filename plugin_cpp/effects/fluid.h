@@ -165,6 +165,34 @@ struct GasPocket {
   Real slope = 0;    // N s/m, d(force)/dv of the fluid at the last balance, start of the next solve
 };
 
+// What the chain calls of this stage: the effects on the fluid's force and on its slope (N s/m) at x and v. turned: the
+// velocity by which the direction counts, where it is not v.
+inline void ActOnFluid(const Params& p, Stroke stroke, Real plate, Real x, Real v, Real turned, Real* force, Real* slope) {
+  Real rate = 0;
+  if (Head(p.asymmetry_travel) > 0 || HasTimedPlate(p)) {
+    const Real factor = 1 + p.asymmetry_a * plate;
+    *force *= factor;
+    *slope *= factor;
+  } else if (Head(p.asymmetry_force) > 0 && Head(p.asymmetry_a) != 0) {
+    *force = AsymmetryByForce(p, *force, &rate);
+    *slope *= rate;
+  } else {
+    const Real factor = Asymmetry(p, Either(turned, v), &rate);
+    *slope = factor * *slope + Select(isnan(turned), rate * *force, 0);
+    *force *= factor;
+  }
+  if (!HasTrappedGas(p)) return;
+  stroke.Follow(x, p);
+  if (Head(p.trapped_gas_force) > 0) {
+    *force = LimitedByGas(p, stroke, *force, &rate);
+    *slope *= rate;
+  } else {
+    const Real factor = TrappedGas(p, stroke, x, Either(turned, v));
+    *force *= factor;
+    *slope *= factor;
+  }
+}
+
 }  // namespace mrdamp
 
 #endif  // MRDAMP_EFFECTS_FLUID_H_

@@ -73,6 +73,27 @@ inline Real SealLimit(const Params& p, Real v) {
 
 inline Real SealSigma(const Params& p) { return p.seal_friction_coulomb * p.seal_friction_breakaway / p.seal_friction_presliding; }
 
+// What the chain calls of this stage, with its state. slip: the velocity by which friction falls.
+struct Mechanics {
+  Real bristle = 0;  // m, seal friction
+
+  void Follow(const Params& p, Real path, Real slip) {
+    if (HasSeal(p)) bristle = SealFriction::Follow(bristle, path, SealLimit(p, slip), SealSigma(p));
+  }
+
+  // Adds the forces at displacement x and velocity v, and their slope (N s/m).
+  void Act(const Params& p, Real x, Real v, Real slip, Real* force, Real* slope) const {
+    *force += GasSpring(p, x);
+    if (HasSeal(p) && Head(p.seal_friction_width) > 0) {
+      Real own;
+      *force += SealFriction::Slip(SealLimit(p, slip), p.seal_friction_width, v, &own);
+      *slope += own;
+    } else if (HasSeal(p)) {
+      *force += SealSigma(p) * bristle;
+    }
+  }
+};
+
 }  // namespace mrdamp
 
 #endif  // MRDAMP_EFFECTS_MECHANICS_H_

@@ -1,5 +1,5 @@
 // The chain of one law for packs of dampers, compiled for a processor's vector units with
-//   -DMRDAMP_LANES=8 -DMRDAMP_LAW=kBoucWen -DMRDAMP_PACK=name -Dmrdamp=another_name   and -DMRDAMP_PLAIN or not.
+//   -DMRDAMP_LANES=8 -DMRDAMP_PACK_LAW=kBoucWen -DMRDAMP_PACK=name -Dmrdamp=another_name   and -DMRDAMP_PLAIN or not.
 // The namespace has another name for each pack, so that no code for one processor gets into that for another.
 #include "core/assembly.cc"
 #include "core/chain.cc"

@@ -1,4 +1,4 @@
-// Coefficients of a law at one field and one temperature.
+// What the force laws are made of: their coefficients at one field and one temperature, and what they have in common.
 #ifndef MRDAMP_LAWS_COEFFICIENTS_H_
 #define MRDAMP_LAWS_COEFFICIENTS_H_
 
@@ -51,44 +51,34 @@ inline Real VelocityWidth(const Params& p) {
   return Head(p.asymmetry_yield) != 0 || Head(p.asymmetry_viscous) != 0 ? min(thin, p.asymmetry_width) : thin;
 }
 
-inline Real Either(Real given, Real own) { return Select(isnan(given), own, given); }
+// Motion of the fluid over a step from x on: velocity linear from va to vb. near: where a solve for the state r begins.
+struct LawStep {
+  Real x, va, vb;
+  double dt;
+  Real near;
+};
 
-// turned: the velocity by which the direction counts, where it is not v.
-inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, Real v, Real turned = kUnset) {
-  Coefficients k{};
-  const Real b = f.b;
-  const Real thin = Thinning(p, v), thin_series = 1 + p.shear_thinning_series * (thin - 1);
-  k.c0 = Follow(p.c0a, p.c0b, p.c0c, p.c0e, p.c0r, b) * f.viscosity * thin;
-  switch (law) {
-    case Law::kBingham:
-      k.yield = Follow(p.fya, p.fyb, p.fyc, p.fye, p.fyr, b) * f.yield;
-      break;
-    case Law::kHyperbolicTangent:
-      k.c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, b) * f.viscosity * thin_series;
-      k.yield = Follow(p.f0a, p.f0b, p.f0c, p.f0e, p.f0r, b) * f.yield;
-      k.k0 = Follow(p.k0a, p.k0b, p.k0c, p.k0e, p.k0r, b);
-      k.k1 = Follow(p.k1a, p.k1b, p.k1c, p.k1e, p.k1r, b);
-      break;
-    default:
-      if (law == Law::kModifiedBoucWen) k.c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, b) * f.viscosity * thin_series;
-      k.yield = Follow(p.alpha_a, p.alpha_b, p.alpha_c, p.alpha_e, p.alpha_r, b) * f.yield;
-      k.k0 = p.k0;
-      k.k1 = p.k1;
-      k.gamma = p.gamma;
-      k.beta = p.beta;
-      if (Head(p.hysteresis_rate) != 0) {
-        const Real fall = p.hysteresis_floor + (1 - p.hysteresis_floor) * exp(-p.hysteresis_rate * max(b, 0.0));
-        k.gamma *= fall;
-        k.beta *= fall;
-      }
-  }
-  if (Head(p.asymmetry_yield) != 0 || Head(p.asymmetry_viscous) != 0) {
-    const Real side = tanh(Either(turned, v) / p.asymmetry_width);
-    k.yield *= 1 + p.asymmetry_yield * side;
-    k.c0 *= 1 + p.asymmetry_viscous * side;
-  }
-  return k;
-}
+// What the chain does for a law's state.
+struct LawKind {
+  bool hysteresis = false;  // the force follows Bouc-Wen's z
+  bool inner = false;       // z is a displacement inside, r its rate, which is solved for at the end of a step
+  bool slow = false;        // r is a stretch that takes longer than a run-in to settle; it starts at start_r
+};
+
+// A law without a state. A law (laws/NAME.h, type and parameters in core/attributes.def) hides what it has of its own;
+// its states are z and r, which start at 0.
+struct PlainLaw {
+  static constexpr LawKind kIs{};
+
+  // Coefficients besides c0; series: share of c1 that thinning leaves.
+  static void Fill(const Params&, const Fluid&, Real /*series*/, Coefficients*) {}
+  static void Step(const Params&, const Coefficients&, Real* /*z*/, Real* /*r*/, const LawStep&) {}
+  static LawForce Force(const Params&, const Coefficients&, Real /*z*/, Real /*r*/, Real /*x*/, Real /*v*/) { return {}; }
+  // r after dt at one x and v, where the law is `inner`.
+  static Real Rate(const Params&, const Coefficients&, Real /*z*/, Real /*r*/, Real /*x*/, Real /*v*/, double /*dt*/) { return 0; }
+  // What ranges alone do not check: false and one line.
+  static bool Check(const Params&, char* /*error*/, int /*size*/) { return true; }
+};
 
 }  // namespace mrdamp
 

@@ -12,7 +12,16 @@
 
 namespace mrdamp {
 
-struct HyperbolicTangent {
+struct HyperbolicTangent : PlainLaw {
+  static constexpr LawKind kIs{false, true, false};
+
+  static void Fill(const Params& p, const Fluid& f, Real series, Coefficients* k) {
+    k->c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, f.b) * f.viscosity * series;
+    k->yield = Follow(p.f0a, p.f0b, p.f0c, p.f0e, p.f0r, f.b) * f.yield;
+    k->k0 = Follow(p.k0a, p.k0b, p.k0c, p.k0e, p.k0r, f.b);
+    k->k1 = Follow(p.k1a, p.k1b, p.k1c, p.k1e, p.k1r, f.b);
+  }
+
   // Root of a p + f tanh(p / w) = b with a > 0, f >= 0; w -> 0 is the sign function. tanh is concave at the root, so
   // that Newton's steps from below converge without overshoot; one from an estimate above leads below it.
   static Real Root(Real a, Real f, Real w, Real b, Real guess = 0) {
@@ -44,14 +53,13 @@ struct HyperbolicTangent {
     return Root(mass + dashpot, k.yield, p.v_ref, mass * rate + k.k1 * x + k.c1 * v - (k.k0 + k.k1) * g, rate);
   }
 
-  // guess: of the new rate, start of the solve.
-  static void Step(const Params& p, const Coefficients& k, Real* g, Real* rate, Real x, Real va, Real vb,
-                   double dt, Real guess) {
+  static void Step(const Params& p, const Coefficients& k, Real* g, Real* rate, const LawStep& m) {
+    const double dt = m.dt;
     const Real mass = p.m0 / dt, spring = k.k0 + k.k1, dashpot = max(k.c0 + k.c1, 1e-12);
     const Real weight = EndWeight(dt * spring / dashpot);
     const Real from = *g + (1 - weight) * dt * *rate;
-    const Real x1 = x + 0.5 * (va + vb) * dt;
-    *rate = Root(mass + dashpot + spring * weight * dt, k.yield, p.v_ref, mass * *rate + k.k1 * x1 + k.c1 * vb - spring * from, guess);
+    const Real x1 = m.x + 0.5 * (m.va + m.vb) * dt;
+    *rate = Root(mass + dashpot + spring * weight * dt, k.yield, p.v_ref, mass * *rate + k.k1 * x1 + k.c1 * m.vb - spring * from, m.near);
     *g = from + weight * dt * *rate;
   }
 

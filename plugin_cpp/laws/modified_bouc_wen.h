@@ -7,22 +7,37 @@
 #ifndef MRDAMP_LAWS_MODIFIED_BOUC_WEN_H_
 #define MRDAMP_LAWS_MODIFIED_BOUC_WEN_H_
 
-#include "laws/coefficients.h"
-#include "laws/hysteresis.h"
+#include "laws/bouc_wen.h"
 
 namespace mrdamp {
 
-struct ModifiedBoucWen {
+struct ModifiedBoucWen : BoucWen {
+  static constexpr LawKind kIs{true, false, true};
+
+  static void Fill(const Params& p, const Fluid& f, Real series, Coefficients* k) {
+    BoucWen::Fill(p, f, series, k);
+    k->c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, f.b) * f.viscosity * series;
+    k->k1 = p.k1;
+  }
+
+  static bool Check(const Params& p, char* error, int size) {
+    if (!BoucWen::Check(p, error, size)) return false;
+    if (Head(p.c1a) > 0) return true;
+    std::snprintf(error, size, "c1a = %g; it must be above 0, or no force passes", Head(p.c1a));
+    return false;
+  }
+
   // r' at the piston velocity v
-  static Real Rate(const Coefficients& k, Real z, Real r, Real v) {
+  static Real Relative(const Coefficients& k, Real z, Real r, Real v) {
     return (k.c1 * v - k.yield * z - k.k0 * r) / (k.c0 + k.c1);
   }
 
-  static void Step(const Params& p, const Coefficients& k, Real* z, Real* r, Real va, Real vb, double dt) {
+  static void Step(const Params& p, const Coefficients& k, Real* z, Real* r, const LawStep& m) {
+    const double dt = m.dt;
     const Real c = k.c0 + k.c1;
     const Mask solid = !(c > 0);
-    const Real rate = Rate(k, *z, *r, va);
-    const Real trend = k.c1 * (vb - va) / (dt * c);
+    const Real rate = Relative(k, *z, *r, m.va);
+    const Real trend = k.c1 * (m.vb - m.va) / (dt * c);
     // The direction of the path determines the slope of z: taken at the middle of the step, so that a turn is not
     // missed.
     const Real sign = Select(rate + 0.5 * dt * trend >= 0, 1, -1);
@@ -39,7 +54,7 @@ struct ModifiedBoucWen {
   static LawForce Force(const Params& p, const Coefficients& k, Real z, Real r, Real x, Real v) {
     const Real c = k.c0 + k.c1, spring = k.k1 * (x - p.x0);
     const Mask solid = !(c > 0);
-    return {Select(solid, 0, k.c1 * (v - Rate(k, z, r, v))), spring, Select(solid, 0, k.c1 * k.c0 / c)};
+    return {Select(solid, 0, k.c1 * (v - Relative(k, z, r, v))), spring, Select(solid, 0, k.c1 * k.c0 / c)};
   }
 };
 

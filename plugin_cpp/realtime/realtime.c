@@ -57,8 +57,9 @@ static mrdamp_damper* make_damper(const char* law_name, const char* const* setti
   double* params;
   int law = mrdamp_law_find(law_name);
   if (law < 0 || strcmp(law_name, "narx") == 0) { /* narx needs a weights file: mrdamp_narx_parse */
-    fprintf(stderr, "realtime: law \"%s\"; allowed: bingham, bouc_wen, hyperbolic_tangent,"
-            " modified_bouc_wen\n", law_name);
+    fprintf(stderr, "realtime: law \"%s\"; allowed: all but narx of", law_name);
+    for (law = 0; law < mrdamp_law_count(); ++law) fprintf(stderr, " %s", mrdamp_law_name(law));
+    fprintf(stderr, "\n");
     return NULL;
   }
   params = malloc(sizeof(double) * (size_t)mrdamp_attribute_count());

@@ -2,7 +2,7 @@
 #include "effects/fluid.h"
 #include "effects/mechanics.h"
 #include "effects/mount.h"
-#include "laws/coefficients.h"
+#include "laws/law.h"
 #include "tests/record_run.h"
 
 using check::kDt;

@@ -2,9 +2,7 @@
 #include <functional>
 #include <vector>
 
-#include "laws/bingham.h"
-#include "laws/coefficients.h"
-#include "laws/hyperbolic_tangent.h"
+#include "laws/law.h"
 #include "tests/check.h"
 #include "tests/record_run.h"
 
@@ -109,11 +107,11 @@ TEST(BinghamIsTheSignFunctionInTheLimit) {
   Params p;
   p.c0a = 500, p.fya = 40;
   const Coefficients k = mrdamp::Evaluate(p, Law::kBingham, Fluid(), 0);
-  NEAR(mrdamp::Bingham::Force(p, k, 0.02).fluid, 50, 1e-12);
-  NEAR(mrdamp::Bingham::Force(p, k, -0.02).fluid, -50, 1e-12);
-  CHECK(mrdamp::Bingham::Force(p, k, 0).fluid == 0);
+  NEAR(mrdamp::Bingham::Force(p, k, 0, 0, 0, 0.02).fluid, 50, 1e-12);
+  NEAR(mrdamp::Bingham::Force(p, k, 0, 0, 0, -0.02).fluid, -50, 1e-12);
+  CHECK(mrdamp::Bingham::Force(p, k, 0, 0, 0, 0).fluid == 0);
   p.v_ref = 0.02;
-  NEAR(mrdamp::Bingham::Force(p, k, 0.01).fluid, 5 + 40 * std::tanh(0.5), 1e-12);
+  NEAR(mrdamp::Bingham::Force(p, k, 0, 0, 0, 0.01).fluid, 5 + 40 * std::tanh(0.5), 1e-12);
 }
 
 // ---- whole laws over a record, by their equations ----------------------------------------------------

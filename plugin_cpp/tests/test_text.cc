@@ -128,7 +128,7 @@ TEST(AnEmptyAttributeIsNotGiven) {
 }
 
 TEST(BadLaws) {
-  HAS(Refusal({}), "'law' is missing; allowed: bingham, bouc_wen, hyperbolic_tangent, modified_bouc_wen, narx");
+  HAS(Refusal({}), "'law' is missing; allowed: bingham, bouc_wen, ");
   HAS(Refusal({{"law", ""}}), "missing");
   HAS(Refusal({{"law", "dahl"}}), "'dahl'; allowed: bingham");
   HAS(Refusal({{"law", "Bingham"}}), "'Bingham'");

@@ -26,8 +26,9 @@ Files = Path | str | Sequence[Path | str]
 def identify(records: RecordSet | Files, law: str = "modified_bouc_wen", **options: Any) -> Fit:
     """Fits a force law to the training part of records and evaluates it in free run on the rest.
 
-    records: a set, or files, a folder or a packaged set for `read_records`. law: bingham, bouc_wen, hyperbolic_tangent
-    or modified_bouc_wen. options: of `mrdamp.identify.fit.identify` (extras, dependence, follows, starts, seed, ...).
+    records: a set, or files, a folder or a packaged set for `read_records`. law: a force law
+    (`mrdamp.identify.laws.parametric()`). options: of `mrdamp.identify.fit.identify` (extras, dependence, follows,
+    starts, seed, ...).
     """
     from mrdamp.identify.fit import identify as fitted
     from mrdamp.records import RecordSet, read_records

@@ -25,20 +25,20 @@ def add_to(commands: Any) -> None:
 
 def run_citation(a: argparse.Namespace) -> int:
     """Prints it."""
-    from mrdamp.model.citations import LAWS, citation
+    from mrdamp.model.citations import citation, references
 
     if a.bibtex and a.json:
         raise InputError("--bibtex and --json exclude each other")
-    names = [a.name] if a.name else list(LAWS)
+    names = [a.name] if a.name else list(references())
     found = {name: citation(name) for name in names}
     if a.json:
         out = {
-            name: {"cite": lines, "references": [asdict(r) for r in references]}
-            for name, (lines, references) in found.items()
+            name: {"cite": lines, "references": [asdict(r) for r in sources]}
+            for name, (lines, sources) in found.items()
         }
         print(json.dumps(out, indent=1))
     elif a.bibtex:
-        unique = {r.key: r for _, references in found.values() for r in references}
+        unique = {r.key: r for _, sources in found.values() for r in sources}
         print("\n\n".join(reference.bibtex() for reference in unique.values()))
     else:
         for name, (lines, _) in found.items():

@@ -8,6 +8,7 @@ two to four commands in the records' range, so that it stays positive there what
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamp.errors import InputError
+from mrdamp.model.attributes import attributes, law_parameters, law_row, laws
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 
@@ -291,47 +293,35 @@ def _without_redundancy(p: dict[str, float]) -> dict[str, float]:
     return scaled | {"yield_displacement": end / max(p["A"], 1e-12), "beta_share": share}
 
 
-def _bouc_wen_parts(s: Scales, yield_start: float) -> tuple[Coordinate, ...]:
-    return (
-        Coordinate("yield_displacement", yield_start * s.stroke, 1e-4 * s.stroke, 2 * s.stroke, log=True),
-        # Below 0 the loop bulges out after a reversal. At 1 z is a function of the displacement: a spring that stands
-        # where the record begins. Published laws have .94 at most.
-        Coordinate("beta_share", 0.5, -4.0, 0.95),
-        Coordinate("n", 2.0, 1.0, 8.0, log=True),
-        Coordinate("k0", 0.05 * s.force / s.stroke, 0.0, 3 * s.force / s.stroke),
-    )
-
-
 def _law(law: str, s: Scales) -> tuple[tuple[Map, ...], tuple[Coordinate, ...]]:
-    """What follows the command, and what is constant."""
-    c, k, f = s.force / s.velocity, s.force / s.stroke, s.force
-    c0 = Map("c0", 0.3 * c, 0.5 * c, 0.0, 12 * c)
-
-    def force(stem: str) -> Map:
-        return Map(stem, 0.3 * f, 1.1 * f, 0.0, 12 * f)
-
-    v_ref = Coordinate("v_ref", 0.1 * s.velocity, 1e-3 * s.velocity, 3 * s.velocity, log=True)
-    if law == "bingham":
-        return (c0, force("fy")), (v_ref,)
-    if law == "bouc_wen":
-        return (c0, force("alpha_")), _bouc_wen_parts(s, 0.05)
-    if law == "modified_bouc_wen":
-        c1 = Map("c1", 5 * c, 10 * c, 0.2 * c, 1000 * c, log=True, at_zero=True)
-        k1 = Coordinate("k1", 0.02 * k, 0.0, 3 * k)
-        return (c0, c1, force("alpha_")), (*_bouc_wen_parts(s, 0.02), k1)
-    if law == "hyperbolic_tangent":
-        # A mass whose inertia is a small part of the force: a larger one rings where no record shows it.
-        mass = 0.02 * f * s.stroke / s.velocity**2
-        pre_damping = Map("c1", 0.3 * c, 0.5 * c, 0.0, 12 * c)
-        pre_spring = Map("k1", 5 * k, 10 * k, 0.05 * k, 4000 * k, log=True)
-        k0 = Map("k0", 0.03 * k, 0.05 * k, 0.0, 3 * k)
-        m0 = Coordinate("m0", 0.03 * mass, 1e-4 * mass, mass, log=True)
-        return (k0, pre_spring, c0, pre_damping, force("f0")), (m0, v_ref)
-    raise InputError(f"law '{law}' has no search space; allowed: {', '.join(PARAMETRIC)}")
+    """What follows the command, and what is constant: the `search` of the law's row in the C table."""
+    if law not in parametric():
+        raise InputError(f"law '{law}' has no search space; allowed: {', '.join(parametric())}")
+    f, v, stroke = s.force, s.velocity, s.stroke
+    scales = {
+        "N": f, "m": stroke, "m/s": v, "N/m": f / stroke, "N s/m": f / v, "kg": 0.02 * f * stroke / v**2, "1": 1.0
+    }  # fmt: skip
+    units = {row.name: row.unit.partition(" per ")[0] for row in attributes()}
+    units |= {"yield_displacement": "m", "beta_share": "1"}
+    maps, plain = [], []
+    for entry in law_row(law, "search").split("; "):
+        name, *words = entry.split()
+        log, at_zero = "log" in words, "at_zero" in words
+        numbers = [float(word) for word in words if word not in ("log", "at_zero")]
+        if f"{name}a" in law_parameters(law):
+            zero, full, low, high = (x * scales[units[f"{name}a"]] for x in numbers)
+            maps.append(Map(name, zero, full, low, high, log, at_zero))
+        else:
+            # Of k0 in the order of rounding that the fits of the documentation were made in.
+            start, low, high = (x * f / stroke if name == "k0" else x * scales[units[name]] for x in numbers)
+            plain.append(Coordinate(name, start, low, high, log))
+    return tuple(maps), tuple(plain)
 
 
-#: The laws that have a search space.
-PARAMETRIC = ("bingham", "bouc_wen", "hyperbolic_tangent", "modified_bouc_wen")
+@functools.cache
+def parametric() -> tuple[str, ...]:
+    """The laws that have a search space."""
+    return tuple(law for law in laws() if law_row(law, "search"))
 
 
 def space(

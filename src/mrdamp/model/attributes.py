@@ -6,11 +6,12 @@ import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from mrdamp.errors import InputError, nearest
-from mrdamp.model.native import Array, checked, library, pointer
+from mrdamp.model.native import Array, checked, library, pointer, rows
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Attribute:
 def attributes() -> tuple[Attribute, ...]:
     """Every numeric attribute of `mrdamp.damper`, in the order of the parameter vector."""
     lib = library()
-    rows = []
+    out = []
     for i in range(lib.mrdamp_attribute_count()):
         name, group, unit, meaning = (
             getattr(lib, f"mrdamp_attribute_{what}")(i).decode()
@@ -39,16 +40,31 @@ def attributes() -> tuple[Attribute, ...]:
         default, low, high = (
             getattr(lib, f"mrdamp_attribute_{what}")(i) for what in ("default", "min", "max")
         )
-        rows.append(
+        out.append(
             Attribute(name, group, unit, None if math.isnan(default) else default, low, high, meaning)
         )
-    return tuple(rows)
+    return tuple(out)
 
 
 @functools.cache
 def attribute_index() -> dict[str, int]:
     """Position of each attribute in a parameter vector."""
     return {row.name: i for i, row in enumerate(attributes())}
+
+
+class EffectRow(NamedTuple):
+    """An effect of the chain: its name is the group of its attributes; words: what it does."""
+
+    name: str
+    stage: str
+    words: str
+    equations: str
+
+
+@functools.cache
+def effects() -> dict[str, EffectRow]:
+    """The effects from driver to sensor, in the order of the chain."""
+    return {row[0]: EffectRow(*row) for row in rows("effect")}
 
 
 @functools.cache
@@ -65,28 +81,22 @@ def law_number(law: str) -> int:
     return laws().index(law)
 
 
+def law_row(law: str, what: str) -> str:
+    """What the law's row of the C table has as `equations`, `parameters`, `search` or `sources`."""
+    return str(getattr(library(), f"mrdamp_law_{what}")(law_number(law)).decode())
+
+
 @functools.cache
 def law_parameters(law: str) -> tuple[str, ...]:
     """Names of the parameters that a law needs, in the contract's order."""
-    lib, number = library(), law_number(law)
-    names = [row.name for i, row in enumerate(attributes()) if lib.mrdamp_law_uses(number, i) == 1]
-    order = _ORDER.get(law, ())
-    return tuple(sorted(names, key=order.index)) if set(order) == set(names) else tuple(names)
+    return tuple(law_row(law, "parameters").partition("|")[0].split())
 
 
 @functools.cache
 def law_options(law: str) -> tuple[str, ...]:
     """Names of the parameters that a law may take besides: nonlinear dependences on the field."""
-    lib, number = library(), law_number(law)
-    return tuple(row.name for i, row in enumerate(attributes()) if lib.mrdamp_law_uses(number, i) == 2)
-
-
-_ORDER = {
-    "bingham": tuple("c0a c0b fya fyb v_ref".split()),
-    "bouc_wen": tuple("c0a c0b alpha_a alpha_b gamma beta A n k0 x0".split()),
-    "hyperbolic_tangent": tuple("k0a k0b k1a k1b c0a c0b c1a c1b m0 f0a f0b v_ref".split()),
-    "modified_bouc_wen": tuple("c0a c0b c1a c1b k0 k1 x0 alpha_a alpha_b gamma beta A n".split()),
-}
+    may = law_row(law, "parameters").partition("|")[2].split()
+    return tuple(sorted(may, key=list(attribute_index()).index))
 
 
 def defaults() -> Array:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from mrdamp import __version__, sets
 from mrdamp.errors import InputError
+from mrdamp.model.attributes import law_row, laws
+from mrdamp.model.native import rows
 
 
 @dataclass(frozen=True)
@@ -41,48 +44,17 @@ class Reference:
         return "\n".join([f"@article{{{self.key},", *lines, "}"])
 
 
-_SPENCER = Reference(
-    "spencer1997", ("Spencer, B. F.", "Dyke, S. J.", "Sain, M. K.", "Carlson, J. D."),
-    "Phenomenological model for magnetorheological dampers", "Journal of Engineering Mechanics", 1997, "123",
-    "230-238", "10.1061/(ASCE)0733-9399(1997)123:3(230)",
-)  # fmt: skip
-_WEN = Reference(
-    "wen1976", ("Wen, Y.-K.",), "Method for random vibration of hysteretic systems",
-    "Journal of the Engineering Mechanics Division", 1976, "102", "249-263", "10.1061/JMCEA3.0002106",
-)  # fmt: skip
-_STANWAY = Reference(
-    "stanway1987", ("Stanway, R.", "Sproston, J. L.", "Stevens, N. G."),
-    "Non-linear modelling of an electro-rheological vibration damper", "Journal of Electrostatics", 1987, "20",
-    "167-184", "10.1016/0304-3886(87)90056-8",
-)  # fmt: skip
-_GAMOTA = Reference(
-    "gamota1991", ("Gamota, D. R.", "Filisko, F. E."),
-    "Dynamic mechanical studies of electrorheological materials: moderate frequencies", "Journal of Rheology", 1991,
-    "35", "399-425", "10.1122/1.550221",
-)  # fmt: skip
-_ZAPATEIRO = Reference(
-    "zapateiro2010", ("Zapateiro, M.", "Luo, N.", "Taylor, E.", "Dyke, S. J."),
-    "Modeling and identification of a class of MR fluid foam dampers", "Smart Structures and Systems", 2010, "6",
-    "101-113",
-)  # fmt: skip
-_CHEN = Reference(
-    "chen2015", ("Chen, Z. H.", "Ni, Y. Q.", "Or, S. W."),
-    "Characterization and modeling of a self-sensing MR damper under harmonic loading",
-    "Smart Structures and Systems", 2015,
-)  # fmt: skip
-_MACKAY = Reference(
-    "mackay1992", ("MacKay, D. J. C.",), "Bayesian interpolation", "Neural Computation", 1992, "4", "415-447",
-    "10.1162/neco.1992.4.3.415",
-)  # fmt: skip
+def _sources() -> Iterator[Reference]:
+    for key, authors, title, journal, year, *rest in rows("source"):
+        yield Reference(key, tuple(authors.split("; ")), title, journal, int(year), *rest)
 
-#: Sources by law, the law's own first.
-LAWS: Mapping[str, tuple[Reference, ...]] = {
-    "bingham": (_STANWAY,),
-    "bouc_wen": (_WEN, _SPENCER),
-    "hyperbolic_tangent": (_GAMOTA, _ZAPATEIRO),
-    "modified_bouc_wen": (_SPENCER,),
-    "narx": (_CHEN, _MACKAY),
-}
+
+@functools.cache
+def references() -> Mapping[str, tuple[Reference, ...]]:
+    """Sources by law, the law's own first."""
+    known = {source.key: source for source in _sources()}
+    return {law: tuple(known[key] for key in law_row(law, "sources").split()) for law in laws()}
+
 
 _SOFTWARE = f"mrdamp {__version__}: magnetorheological dampers for MuJoCo (see CITATION.cff)"
 
@@ -98,10 +70,10 @@ def citation(name: str) -> tuple[list[str], list[Reference]]:
         found = sets.load(name)
         law = found.law
         lines += list(found.sources)
-    elif name not in LAWS:
+    elif name not in references():
         raise InputError(
-            f"'{name}' is no law and no parameter set; there are {', '.join((*LAWS, *sets.names()))}"
+            f"'{name}' is no law and no parameter set; there are {', '.join((*references(), *sets.names()))}"
         )
     # A set's own source may be the law's.
-    lines += [r.text() for r in LAWS[law] if not any(r.title.lower() in line.lower() for line in lines)]
-    return lines, list(LAWS[law])
+    lines += [r.text() for r in references()[law] if not any(r.title.lower() in line.lower() for line in lines)]
+    return lines, list(references()[law])

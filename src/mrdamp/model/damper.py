@@ -17,6 +17,7 @@ import numpy as np
 from mrdamp.errors import InputError, nearest
 from mrdamp.files import read_json, write_atomic
 from mrdamp.model import core, schema
+from mrdamp.model.attributes import effects
 from mrdamp.model.core import Array
 from mrdamp.structures import ShearFrame
 
@@ -326,8 +327,7 @@ def effect_parameters(name: str, placed: bool = False) -> tuple[str, ...]:
 
 def damper_effects() -> tuple[str, ...]:
     """Names of the effects from driver to sensor, in the order of the chain."""
-    groups = dict.fromkeys(row.group for row in core.attributes())
-    return tuple(group for group in groups if group not in ("law", "dependence", "command", "numerics"))
+    return tuple(effects())
 
 
 def effects_from(attributes: Mapping[str, float]) -> tuple[Effect, ...]:

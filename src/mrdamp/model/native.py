@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from collections.abc import Iterator
+from itertools import count, takewhile
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from mrdamp.library import library_path, load_plugin
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 11
+_ABI = 12
 ERROR_SIZE = 400
 
 
@@ -116,7 +118,8 @@ def library() -> ctypes.CDLL:
         getattr(lib, f"mrdamp_attribute_{name}").restype = c_char_p
     for name in ("default", "min", "max"):
         getattr(lib, f"mrdamp_attribute_{name}").restype = c_double
-    lib.mrdamp_law_name.restype = c_char_p
+    for name in ("law_name", "law_equations", "law_parameters", "law_search", "law_sources", "source", "effect"):
+        getattr(lib, f"mrdamp_{name}").restype = c_char_p
     lib.mrdamp_narx_parse.restype = c_void_p
     lib.mrdamp_narx_parse.argtypes = (c_char_p, c_char_p, c_int)
     lib.mrdamp_narx_free.argtypes = (c_void_p,)
@@ -164,6 +167,12 @@ def library() -> ctypes.CDLL:
     lib.mrdamp_rows_step_each.argtypes = (c_void_p, c_int, *(c_void_p,) * 5, c_int)
     lib.mrdamp_rows_step_each.restype = None
     return lib
+
+
+def rows(table: str) -> Iterator[list[str]]:
+    """Fields of the rows of the C table's `source` or `effect`."""
+    for row in takewhile(bool, map(getattr(library(), f"mrdamp_{table}"), count())):
+        yield row.decode().split("\t")
 
 
 def pointer(array: Array) -> object:

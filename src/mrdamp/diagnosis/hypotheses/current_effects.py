@@ -15,7 +15,6 @@ def current_terms(s: Sizes) -> tuple[Term, ...]:
     return (
         *declared(
             "driver_lag",
-            "driver",
             Form(
                 "",
                 (tau, positive("driver_lag_tau2", 1e-3, 1e-4, 0.2)),
@@ -61,7 +60,6 @@ def current_terms(s: Sizes) -> tuple[Term, ...]:
         ),
         *declared(
             "command_delay",
-            "driver",
             Form("", (delay,), ((0.001,), (0.006,), (0.02,))),
             Form(
                 "from packet to packet",
@@ -71,7 +69,6 @@ def current_terms(s: Sizes) -> tuple[Term, ...]:
         ),
         *declared(
             "saturation",
-            "magnetics",
             Form("", knee, ((1.0 * c, 2.0), (0.4 * c, 2.0), (2.0 * c, 1.0))),
             # The law is identified at the largest current.
             Form(
@@ -107,7 +104,6 @@ def _remanence(c: float) -> tuple[Term, ...]:
     risen = {"remanence_stops": 1.0, "remanence_rise": 1.0}
     return declared(
         "remanence",
-        "magnetics",
         Form(
             "",
             (*loop, linear("remanence_start", 0.5, -1.0, 1.0)),

@@ -48,7 +48,6 @@ def _mechanics(s: Sizes) -> tuple[Term, ...]:
     return (
         *declared(
             "gas_spring",
-            "mechanics",
             Form(
                 "",
                 (
@@ -67,7 +66,6 @@ def _mechanics(s: Sizes) -> tuple[Term, ...]:
         ),
         *declared(
             "seal_friction",
-            "mechanics",
             Form(
                 "",
                 (*friction, positive("seal_friction_presliding", 2e-3 * stroke, 2e-4 * stroke, 0.2 * stroke)),
@@ -90,7 +88,6 @@ def _mount(s: Sizes) -> tuple[Term, ...]:
     return (
         *declared(
             "mount_compliance",
-            "mount",
             Form("", (mount,), ((30 * k,), (200 * k,), (1000 * k,))),
             Form(
                 "hardening",
@@ -132,7 +129,6 @@ def _mount(s: Sizes) -> tuple[Term, ...]:
         ),
         *declared(
             "backlash",
-            "mount",
             Form(
                 "",
                 (
@@ -153,10 +149,9 @@ def _sensor(f: float, dt: float) -> tuple[Term, ...]:
     gain = Form("", (linear("sensor_gain_g", 0.05, 0.2, 5.0, 1.0),), ((1.1,),))
     shift = Form("", (linear("channel_shift_d", dt, -25 * dt, 25 * dt),), ((2 * dt,), (-2 * dt,)))
     return (
-        *declared("sensor_gain", "sensor", gain),
+        *declared("sensor_gain", gain),
         *declared(
             "sensor_offset",
-            "sensor",
             Form("", (offset,), ((0.05 * f,),)),
             Form(
                 "settling",
@@ -166,7 +161,6 @@ def _sensor(f: float, dt: float) -> tuple[Term, ...]:
         ),
         *declared(
             "sensor_leakage",
-            "sensor",
             Form("", (positive("sensor_leakage_tau", 2.0, 0.02, 200.0),), ((2.0,), (0.3,))),
             Form(
                 "two shares",
@@ -180,7 +174,6 @@ def _sensor(f: float, dt: float) -> tuple[Term, ...]:
         ),
         *declared(
             "sensor_lag",
-            "sensor",
             Form(
                 "",
                 (tau, positive("sensor_lag_tau2", 0.3 * dt, 0.05 * dt, 25 * dt)),
@@ -196,7 +189,7 @@ def _sensor(f: float, dt: float) -> tuple[Term, ...]:
                 ((dt, 0.8, 0.1 * dt), (3 * dt, 0.75, 0.5 * dt), (6 * dt, 0.65, 3 * dt)),
             ),
         ),
-        *declared("channel_shift", "sensor", shift),
+        *declared("channel_shift", shift),
     )
 
 
@@ -257,7 +250,6 @@ def _mass_terms(inertia: float, dt: float) -> tuple[Term, ...]:
     m, highest = 0.1 * inertia, 0.4 / dt
     return declared(
         "moving_mass",
-        "mechanics",
         Form("", (mass,), ((m,),), beyond),
         Form("on a spring", one, tuple((m, f, wide, 0.9) for f, wide in resonances if f < highest), beyond),
         Form("in two clamps", two, tuple((m, *pair, 0.5) for pair in pairs if pair[1] < highest), beyond),

@@ -24,7 +24,6 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
     return (
         *declared(
             "heating",
-            "fluid",
             Form("", heat, ((0.02, 0.02, 0.01 * heated / 10), (0.03, 0.0, 0.2 * heated / 10)), capacity),
             Form(
                 "two bodies",
@@ -40,7 +39,6 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
         ),
         *declared(
             "asymmetry",
-            "fluid",
             Form(
                 "",
                 (linear("asymmetry_a", 0.05, -0.9, 0.9), positive("asymmetry_width", 0.1 * v, 1e-4, 3 * v)),
@@ -72,7 +70,6 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
         ),
         *declared(
             "shear_thinning",
-            "fluid",
             Form("", thinning, ((0.6, 0.5 * v), (0.4, 1.5 * v))),
             Form(
                 "both dashpots",
@@ -143,4 +140,4 @@ def _on_either_side(
         Form(f"{side}, {form}" if form else side, coordinates, starts, {"trapped_gas_direction": way, **fixed})
         for side, way in sides
     ]
-    return declared("trapped_gas", "fluid", *forms)
+    return declared("trapped_gas", *forms)

@@ -53,7 +53,7 @@ def _storey(j: int, mass: float, shear: float, dashpot: float) -> tuple[Term, ..
     dm = (linear(f"floor_mass_dm@{j}", 0.03 * mass, -0.8 * mass, 3 * mass),)
 
     def at(effect: str, *forms: Form) -> tuple[Term, ...]:
-        return declared(effect, "structure", *forms, place=j)
+        return declared(effect, *forms, stage="structure", place=j)
 
     return (
         *at("storey_stiffness", Form("", stiffness, ((0.05,), (-0.2,)))),
@@ -94,7 +94,7 @@ def _accelerometer(j: int, acceleration: float, dt: float) -> tuple[Term, ...]:
     f = 0.02 * acceleration
 
     def at(effect: str, *forms: Form) -> tuple[Term, ...]:
-        return declared(effect, "sensor", *forms, place=j)
+        return declared(effect, *forms, stage="sensor", place=j)
 
     return (
         *at("sensor_gain", Form("", gain, ((1.05,), (0.95,)))),

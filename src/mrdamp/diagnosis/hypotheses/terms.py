@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrdamp.model.attributes import effects
 from mrdamp.model.core import Array
 
 #: Stages of the signal chain, in order; `structure` belongs to a frame.
@@ -126,8 +127,9 @@ class Form(NamedTuple):
     is_other: Callable[[Settings], bool] | None = None
 
 
-def declared(effect: str, stage: str, *forms: Form, place: int | None = None) -> tuple[Term, ...]:
-    """The terms of an effect, one of each form."""
+def declared(effect: str, *forms: Form, stage: str = "", place: int | None = None) -> tuple[Term, ...]:
+    """The terms of an effect, one of each form. stage: of an effect with a place."""
+    stage = stage or effects()[effect].stage
     return tuple(
         Term(effect, stage, f.coordinates, f.starts, place, f.name, dict(f.fixed), is_other=f.is_other)
         for f in forms

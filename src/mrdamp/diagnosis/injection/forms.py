@@ -23,6 +23,7 @@ from scipy.signal import bessel, cont2discrete, lfilter
 
 from mrdamp.diagnosis.injection.signals import FORCES, Scales, Signals
 from mrdamp.model import Model
+from mrdamp.model.attributes import effects
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.smoothing import smoothed
@@ -36,18 +37,21 @@ Draw = Callable[[np.random.Generator, Scales, Model], Sized]
 
 @dataclass(frozen=True)
 class Form:
-    """An effect in one exact form: its stage, how its parameters are drawn at a strength, and how it is
+    """An effect in one exact form: how its parameters are drawn at a strength, and how it is
     inserted.
 
     varies: requires a command that varies within a record. levels: least number of command levels.
     """
 
     effect: str
-    stage: str
     draw: Draw
     put: Put
     varies: bool = False
     levels: int = 0
+
+    @property
+    def stage(self) -> str:
+        return effects()[self.effect].stage
 
 
 def _added(s: Signals, force: Array) -> Record:
@@ -352,22 +356,22 @@ def _remanence(s: Signals, p: Parameters, _: Scales) -> Record:
 FORMS: Mapping[str, Form] = {
     f.effect: f
     for f in (
-        Form("driver_lag", "driver", _draw_driver, _driver, varies=True, levels=4),
-        Form("command_delay", "driver", _draw_delay, _delay, varies=True),
-        Form("saturation", "magnetics", _draw_saturation, _saturation, levels=3),
-        Form("remanence", "magnetics", _draw_remanence, _remanence, varies=True, levels=4),
-        Form("asymmetry", "fluid", _draw_asymmetry, _asymmetry),
-        Form("shear_thinning", "fluid", _draw_thinning, _thinning),
-        Form("trapped_gas", "fluid", _draw_gas, _gas),
-        Form("gas_spring", "mechanics", _draw_spring, _spring),
-        Form("seal_friction", "mechanics", _draw_friction, _friction),
-        Form("moving_mass", "mechanics", _draw_mass, _mass),
-        Form("mount_compliance", "mount", _draw_mount, _mount),
-        Form("backlash", "mount", _draw_backlash, _backlash),
-        Form("sensor_gain", "sensor", _draw_gain, _gain),
-        Form("sensor_offset", "sensor", _draw_offset, _offset),
-        Form("sensor_leakage", "sensor", _draw_leakage, _leakage),
-        Form("sensor_lag", "sensor", _draw_lag, _lag),
-        Form("channel_shift", "sensor", _draw_shift, _shift),
+        Form("driver_lag", _draw_driver, _driver, varies=True, levels=4),
+        Form("command_delay", _draw_delay, _delay, varies=True),
+        Form("saturation", _draw_saturation, _saturation, levels=3),
+        Form("remanence", _draw_remanence, _remanence, varies=True, levels=4),
+        Form("asymmetry", _draw_asymmetry, _asymmetry),
+        Form("shear_thinning", _draw_thinning, _thinning),
+        Form("trapped_gas", _draw_gas, _gas),
+        Form("gas_spring", _draw_spring, _spring),
+        Form("seal_friction", _draw_friction, _friction),
+        Form("moving_mass", _draw_mass, _mass),
+        Form("mount_compliance", _draw_mount, _mount),
+        Form("backlash", _draw_backlash, _backlash),
+        Form("sensor_gain", _draw_gain, _gain),
+        Form("sensor_offset", _draw_offset, _offset),
+        Form("sensor_leakage", _draw_leakage, _leakage),
+        Form("sensor_lag", _draw_lag, _lag),
+        Form("channel_shift", _draw_shift, _shift),
     )
 }

@@ -72,8 +72,8 @@ class Injection:
 def refusal(effect: str, model: Model, records: Sequence[Record]) -> str:
     """Reason why an effect cannot be identified from these records, or (`NotPut`) cannot be inserted into them; empty
     if it can."""
-    if effect in NOT_EXACT:
-        return NotPut(NOT_EXACT[effect])
+    if effect not in FORMS:
+        return NotPut(NOT_EXACT.get(effect, "no exact form of it is known"))
     form = FORMS[effect]
     if effect == "shear_thinning" and model.law not in _PARALLEL:
         return NotPut(

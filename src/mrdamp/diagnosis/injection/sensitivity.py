@@ -21,7 +21,6 @@ from mrdamp import __version__
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.injection.forms import FORMS
 from mrdamp.diagnosis.injection.inject import (
-    NOT_EXACT,
     Injection,
     NotPut,
     change_of,
@@ -31,10 +30,11 @@ from mrdamp.diagnosis.injection.inject import (
 )
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.model.damper import damper_effects
 from mrdamp.parallel import mapped
 
 #: Effects of a damper that can be selected.
-EFFECTS = (*FORMS, *NOT_EXACT)
+EFFECTS = (*FORMS, *(effect for effect in damper_effects() if effect not in FORMS))
 #: RMS change of the simulator's error over the RMS of the force: from the repeatability of a good rig to an
 #: obvious fault.
 SIZES = (0.02, 0.05, 0.15, 0.4)

@@ -7,26 +7,10 @@ from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
 from mrdamp.diagnosis.hypotheses.outside import PLAIN
 from mrdamp.diagnosis.report.changes import unit_of
 from mrdamp.diagnosis.report.result import Diagnosis, Named
+from mrdamp.model.attributes import effects
 
-_PLAIN = {
-    "driver_lag": "the coil current lags the command",
-    "command_delay": "the command arrives late",
-    "saturation": "the magnetic circuit saturates",
-    "remanence": "the magnetic circuit keeps a residual field",
-    "heating": "the fluid warms up",
-    "asymmetry": "extension and compression differ",
-    "shear_thinning": "the fluid's viscosity falls with velocity",
-    "trapped_gas": "trapped gas takes up the start of a stroke",
-    "gas_spring": "the accumulator acts as a spring",
-    "seal_friction": "friction of the seal",
-    "moving_mass": "the inertia of a mass between damper and load cell",
-    "mount_compliance": "the mount is compliant",
-    "backlash": "the mount has play",
-    "sensor_gain": "the force sensor's sensitivity is wrong",
-    "sensor_offset": "the force sensor has a bias",
-    "sensor_leakage": "the sensor's charge leaks away",
-    "sensor_lag": "the force channel has a low bandwidth",
-    "channel_shift": "the displacement and force channels are shifted in time",
+#: Of a frame's structure; a damper's effects have theirs in their row of the C table.
+_STRUCTURE = {
     "storey_stiffness": "a storey's stiffness is wrong",
     "storey_damping": "a storey's damping is wrong",
     "joint_friction": "friction in a storey's joints",
@@ -45,10 +29,11 @@ _PLAIN_FLOOR = {
 
 def in_words(e: Named) -> str:
     """What an effect does."""
-    words = _PLAIN_FLOOR if e.place is not None and e.stage == "sensor" else _PLAIN
     if e.effect == "driver_lag" and "rate" in e.parameters:
         return f"the coil current changes by no more than {e.parameters['rate']:.3g} a second, a largest rate"
-    return words[e.effect]
+    if e.place is None:
+        return effects()[e.effect].words
+    return (_PLAIN_FLOOR if e.stage == "sensor" else _STRUCTURE)[e.effect]
 
 
 def percent(x: float) -> str:
