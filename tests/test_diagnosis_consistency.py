@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.answer import estimates_by_regime, named_effects
+from mrdamp.diagnosis.answer import named_effects
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull
 from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.fits.final import FinalFit
@@ -103,7 +103,7 @@ def test_a_wrong_law_widens_the_interval_of_a_named_cause() -> None:
         assert search.inexact == widened
         final = FinalFit(found, problem.gaps(found.residual), problem)
         plain = spread(problem, found).intervals()
-        regimes = estimates_by_regime(found, final)
+        regimes = {"cubic": by_regime(problem, found, "cubic")}
         (named,) = named_effects(search, found, final, {"cubic": 0.9}, plain, regimes)
         low, high = named.intervals["cubic"]
         assert (low < plain["cubic"][0] or high > plain["cubic"][1]) == widened
@@ -143,7 +143,8 @@ def test_a_cause_is_reported_in_the_form_of_the_last_fit() -> None:
     )
     search.keep(first)
     final = FinalFit(last, problem.gaps(last.residual), problem)
-    (named,) = named_effects(search, first, final, {"cubic": 0.9}, {}, estimates_by_regime(first, final))
+    regimes = {"cubic": by_regime(problem, last, "cubic")}
+    (named,) = named_effects(search, first, final, {"cubic": 0.9}, {}, regimes)
     assert named.parameters == {"fifth": pytest.approx(0.5, abs=0.02)}
     assert named.by_regime
     assert all(set(r.parameters) == set(r.intervals) == {"fifth"} for r in named.by_regime)

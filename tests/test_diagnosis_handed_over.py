@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from mrdamp.diagnosis.constants import MATERIAL, UNNAMED_GAP, UNSTEADY
-from mrdamp.diagnosis.evidence.judgement import decided, never_worse
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
+from mrdamp.diagnosis.evidence.judgement import decided, likely, never_worse
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -89,3 +90,14 @@ def test_a_simulator_that_no_model_file_takes_is_not_handed_over() -> None:
     final = FinalFit(best, search.problem.gaps(best.residual), search.problem)
     handed, after = never_worse(search, fits, final, decision)
     assert (after.verdict, handed.fit.hypothesis.coordinates) == ("unknown", ())
+
+
+@pytest.mark.parametrize(("unknown", "worse", "verdict"), [(0.45, False, "effect"), (0.45, True, "unknown")])
+def test_a_cause_is_named_if_it_is_stated_to_be_more_probable_than_not(
+    answered: tuple[Search, list[Fit], Decision], unknown: float, worse: bool, verdict: str
+) -> None:
+    """.55 of a sure cause; with a lapse of .35, where it makes the gap larger in a regime, .65 x .55 + .35 / 3 = .47."""
+    search, fits, decision = answered
+    estimate = RegimeEstimate("record", None, None, ("1",), {}, {}, True, 0.1, 0.2 if worse else 0.05)
+    after = likely(search, replace(decision, unknown=unknown), fits, {"cubic": (estimate,)})
+    assert (after.verdict, after.chosen) == (verdict, decision.chosen)

@@ -13,11 +13,11 @@ import numpy as np
 from mrdamp.diagnosis.attribution.stages import LAW_STAGE, cause_shares, record_shares, regimes
 from mrdamp.diagnosis.constants import MATERIAL, NONE_ABOVE, PREDICTABLE
 from mrdamp.diagnosis.evidence.ceiling import of_fit
-from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull
-from mrdamp.diagnosis.evidence.judgement import scored
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, hull
+from mrdamp.diagnosis.evidence.judgement import scored, stated
 from mrdamp.diagnosis.evidence.resample import Interval, spread
 from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
-from mrdamp.diagnosis.evidence.verdict import Decision, by_causes, lapse_of, of_cause, with_lapse
+from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
 from mrdamp.diagnosis.fits.final import FinalFit, heldout
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
@@ -52,10 +52,12 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
     whole, residual, floor = final.problem, handed.fit.residual, pooled(found.floor)
     nominal = whole.nominal()
 
-    regimes_of = estimates_by_regime(chosen, final) if named else {}
+    regimes_of = concluded.regimes if named else {}
     worse = {cause: [r.label() for r in estimates if r.worse] for cause, estimates in regimes_of.items()}
     known = by_causes(scored(fits), decision.probabilities)
-    sets, weighed = _sets(search, decision, known, worse=any(worse.values()))
+    sets = stated(search, decision, fits, concluded.regimes)
+    least = min(sets.values()) + 1e-4
+    weighed = [c for c, p in list(sets.items())[:6] if p > least or not c]
     causes = of_cause(sets)
     around = spread(handed.problem, handed.fit)
     intervals = around.intervals() if verdict != "none" else {}
@@ -134,20 +136,6 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
             "channels": list(found.rig.channels),
         },
     )
-
-
-def _sets(
-    search: Search, decision: Decision, known: dict[Causes, float], *, worse: bool
-) -> tuple[dict[Causes, float], list[Causes]]:
-    """Probabilities of the sets of causes with the lapse, and the sets that are shown. known: as decided. worse: some
-    cause makes the gap larger in a regime."""
-    known = {(): 1.0} if decision.verdict == "none" else known
-    sets = {causes: p * (1 - decision.unknown) for causes, p in known.items()} | {("unknown",): decision.unknown}
-    sets = dict(sorted(sets.items(), key=lambda item: (-item[1], item[0])))
-    shown = [c for c, p in list(sets.items())[:6] if p > 1e-4 or not c]
-    # Two channels that differ whatever the law do not depend on it.
-    beside = search.inexact and not decision.apart
-    return with_lapse(sets, lapse_of(decision.verdict, inexact=beside, worse=worse)), shown
 
 
 def beside_given(again: BaselineLaw, model: Model, gap: Gap, given: float) -> tuple[Model, Gap]:
@@ -316,11 +304,6 @@ def _last_forms(chosen: Fit, final: FinalFit) -> list[Term]:
     """The named causes' terms, each in the form of the final fit, which may be another one."""
     last = {t.cause: t for t in reversed(final.fit.hypothesis.terms)}
     return [last.get(t.cause, t) for t in chosen.hypothesis.terms]
-
-
-def estimates_by_regime(chosen: Fit, final: FinalFit) -> dict[str, tuple[RegimeEstimate, ...]]:
-    """Estimates of each named cause from the records of single regimes."""
-    return {t.cause: by_regime(final.problem, final.fit, t.cause) for t in _last_forms(chosen, final)}
 
 
 def _short(values: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from mrdamp.diagnosis.attribution.frame_laws import OtherLaw
 from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -63,12 +64,13 @@ class Searched(ABC):
 class Concluded:
     """The decision over all fits of a search after every check, and the simulator that follows from it.
 
-    final: of the search. other: a law that makes a cause needless. handed: the simulator that is handed over, `final`
-    or the one with the other law.
+    regimes: estimates of each cause that was most probable before the checks. final: of the search. other: a law that
+    makes a cause needless. handed: the simulator that is handed over, `final` or the one with the other law.
     """
 
     fits: list[Fit]
     decision: Decision
+    regimes: Mapping[str, tuple[RegimeEstimate, ...]]
     final: FinalFit
     handed: FinalFit
     other: OtherLaw | None
