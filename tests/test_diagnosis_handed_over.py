@@ -96,7 +96,7 @@ def test_a_simulator_that_no_model_file_takes_is_not_handed_over() -> None:
 def test_a_cause_is_named_if_it_is_stated_to_be_more_probable_than_not(
     answered: tuple[Search, list[Fit], Decision], unknown: float, worse: bool, verdict: str
 ) -> None:
-    """.55 of a sure cause; with a lapse of .35, where it makes the gap larger in a regime, .65 x .55 + .35 / 3 = .47."""
+    """.55 of a sure cause; with a lapse of .35, where it makes the gap larger in a regime: .65 x .55 + .35 / 3."""
     search, fits, decision = answered
     estimate = RegimeEstimate("record", None, None, ("1",), {}, {}, True, 0.1, 0.2 if worse else 0.05)
     after = likely(search, replace(decision, unknown=unknown), fits, {"cubic": (estimate,)})
