@@ -190,6 +190,8 @@ def test_policies_are_seeds_and_what_they_command_is_held(tmp_path: Path) -> Non
     assert {less for less, _ in told} == {"constant:value=1.125", "passive-on"}
     found = told["passive-on", "mean_command"]
     assert [float(found[key]) for key in ("mean", "low", "high")] == pytest.approx([-0.5625, -1.125, 0.0])
+    both, one, two = (float(told["passive-on", name]["mean"]) for name in ("objective", "J1", "J2"))
+    assert both == pytest.approx((one + two) / 2, abs=1e-6)
     # Another file under the same name is another run.
     key = BENCH.key(rows[0].specs[0], MOTIONS[0], 1.0)
     steady_policy(-1.0, tmp_path / "seed_1" / "policy.json")
@@ -379,7 +381,7 @@ def test_the_published_table_through_the_command(tmp_path: Path, capsys: pytest.
     assert "<svg" in (out / "index.html").read_text()
 
 
-@pytest.mark.parametrize(("less", "says"), [(0.05, "is the best controller"), (0.001, "no interval parts it from b")])
+@pytest.mark.parametrize(("less", "says"), [(0.05, "separate it from all others"), (0.001, "do not separate it from b")])
 def test_the_best_controller_is_one_that_intervals_part_from_the_rest(less: float, says: str) -> None:
     """Six motions, on which a has so much less than b in the mean, give or take .01."""
     b = np.linspace(0.3, 0.6, 6).reshape(1, 6, 1)

@@ -237,19 +237,23 @@ def _few(result: Comparison) -> list[str]:
 
 
 def _summary(result: Comparison, bench: Bench) -> str:
-    runs = len(result.loads) * len(result.amplitudes)
+    loads, sizes = len(result.loads), len(result.amplitudes)
     rated = {
         c.name: result.rated(c.name)
         for c in result.contenders
         if np.isfinite(result.summary(c.name, "mean_command").mean) and not c.bound
     }
-    text = f"{sum(not c.bound for c in result.contenders)} controllers, {runs} run{'s' * (runs != 1)} each"
+    text = (
+        f"{sum(not c.bound for c in result.contenders)} controllers,"
+        f" {loads} load{'s' * (loads != 1)} at {sizes} amplitude{'s' * (sizes != 1)}"
+    )
     if not rated:
         return f"{text}."
     best = min(rated, key=lambda name: float(np.mean(rated[name])))
     apart = {name: difference(rated[best], other).high < 0 for name, other in rated.items() if name != best}
     ties = [name for name, clear in apart.items() if not clear]
-    least = f"{best} has {np.mean(rated[best]):.0%} of {bench.reference} on average"
+    of = " and ".join(m.title for m in result.measures if m.key in result.objective)
+    least = f"{best} has the least {of} in the mean with a damper, {np.mean(rated[best]):.0%} of {bench.reference}"
     if ties:
-        return f"{text}: {least}, the least with a damper; no interval parts it from {', '.join(ties)}."
-    return f"{text}: {least}, and is the best controller of a damper."
+        return f"{text}: {least}; 95 % intervals of this mean do not separate it from {', '.join(ties)}."
+    return f"{text}: {least}; 95 % intervals of this mean separate it from all others."

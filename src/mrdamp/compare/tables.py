@@ -12,7 +12,7 @@ from typing import Any
 from mrdamp.compare.bench import WITHOUT, Bench
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.shares import by_load, share
-from mrdamp.compare.summary import Summary
+from mrdamp.compare.summary import Summary, difference
 
 Row = tuple[str, ...]
 
@@ -198,15 +198,18 @@ def means_csv(result: Comparison) -> str:
 
 
 def differences_csv(result: Comparison) -> str:
-    """One row a learned controller, another one and a measure: mean of the paired difference, and its interval."""
+    """One row a learned controller, another one and a measure, and what is tuned for (`objective`): mean of the paired
+    difference, and its interval."""
     lines = [
-        (c.name, other.name, m.key, *(_plain(v) for v in (s.mean, s.low, s.high)))
+        (c.name, other.name, name, *(_plain(v) for v in (s.mean, s.low, s.high)))
         for c in result.contenders
         if c.learned
         for other in result.contenders
         if other is not c
-        for m in result.measures
-        for s in (result.against(c.name, other.name, m.key),)
+        for name, s in (
+            *((m.key, result.against(c.name, other.name, m.key)) for m in result.measures),
+            *([("objective", difference(result.rated(c.name), result.rated(other.name)))] * bool(result.objective)),
+        )
     ]
     return _csv(("controller", "less", "measure", "mean", "low", "high"), lines)
 
