@@ -100,6 +100,7 @@ def test_a_velocity_half_a_step_on_halves_the_error_but_the_plugin_is_better() -
     assert accuracy.frame_error(5e-4, END) < abreast < 0.5 * late
 
 
+@pytest.mark.slow
 def test_the_environment_in_python_is_the_same_environment() -> None:
     """Neither side of the comparison is let off: forces are alike, those of the finer steps too."""
     exact = python_env.forces(FrameEnv(motions=python_env.MOTIONS, timestep=1e-4), 1.0)

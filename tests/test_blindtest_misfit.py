@@ -119,6 +119,7 @@ def test_cause_opens_a_gap_of_its_own(gained: Made, framed: Made) -> None:
 
 
 # --- the effect is in the records and only there ------------------------------------------------------
+@pytest.mark.slow
 def test_effect_is_in_the_records_and_not_in_the_baseline(gained: Made) -> None:
     """A gain of one force channel: its ratio to the load cell of the same record."""
     case, _, label = gained

@@ -118,6 +118,7 @@ def test_a_search_finds_the_same_from_its_own_end() -> None:
     assert first.value * 0.95 < again.value <= first.value
 
 
+@pytest.mark.slow
 def test_the_engine_agrees_with_the_chain_on_what_is_found() -> None:
     """In MuJoCo what was made small is within 1 % of what the search says, all peaks of a chain of the same step."""
     rolled = rollouts()
@@ -211,6 +212,7 @@ def test_an_interval_of_a_ratio_is_that_of_the_delta_method() -> None:
         ratio(np.ones((1, 2, 1)), np.ones((2, 2, 1)))
 
 
+@pytest.mark.slow
 def test_a_start_that_nothing_beats_stays_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     def nothing(*args: Any, **kwargs: Any) -> Any:
         raise AssertionError

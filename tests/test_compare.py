@@ -381,7 +381,7 @@ def test_the_published_table_through_the_command(tmp_path: Path, capsys: pytest.
     assert "<svg" in (out / "index.html").read_text()
 
 
-@pytest.mark.parametrize(("less", "says"), [(0.05, "separate it from all others"), (0.001, "do not separate it from b")])
+@pytest.mark.parametrize(("less", "says"), [(0.05, "separate it from all"), (0.001, "do not separate it from b")])
 def test_the_best_controller_is_one_that_intervals_part_from_the_rest(less: float, says: str) -> None:
     """Six motions, on which a has so much less than b in the mean, give or take .01."""
     b = np.linspace(0.3, 0.6, 6).reshape(1, 6, 1)

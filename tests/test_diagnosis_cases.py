@@ -151,6 +151,7 @@ def check(name: str, out: Path) -> None:
         assert found["effects"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CASES.is_dir(), reason="needs the folder ../shared/cases")
 def test_a_slow_coil_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     check("open_03", tmp_path / "out")

@@ -75,6 +75,7 @@ def test_the_given_gap_is_of_the_frames_channels() -> None:
     assert again.given_gap != pytest.approx(again.before)
 
 
+@pytest.mark.slow
 def test_a_frame_without_a_baseline_or_a_damper_to_compare_keeps_its_law() -> None:
     one = case()
     assert frame_baseline_law(replace(one, baseline=()), blocks(one)) is None

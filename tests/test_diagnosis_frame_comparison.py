@@ -49,6 +49,7 @@ def test_nothing_is_compared_where_all_is_in_balance(measured: dict[str, Record]
     assert compared(believed(), measured) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "cause", "setting", "value"),
     [
@@ -93,6 +94,7 @@ def test_an_accelerometer_and_the_displacements_are_told_apart(measured: dict[st
     assert one.settings["channel_shift_d"] == pytest.approx(expected, rel=0.1)
 
 
+@pytest.mark.slow
 def test_numbers_of_the_structure_are_no_unknown_cause(measured: dict[str, Record]) -> None:
     """Two stiffnesses and a mass that are off: no single effect, and nothing outside the catalogue."""
     believes = believed(True, stiffness=(4.5e5, 8.0e5, 6.84e5), mass=(98.3, 98.3, 110.0))
@@ -127,6 +129,7 @@ def test_a_fault_outside_the_catalogue_changes_no_simulator(measured: dict[str, 
     assert "Look for the fault on the rig: floor3_displacement_m and floor3_acceleration_m_s2" in shown
 
 
+@pytest.mark.slow
 def test_a_simulator_with_effects_in_its_storeys_is_not_compared(measured: dict[str, Record]) -> None:
     """Their balances do not hold them: what `corrected.json` has would be found again."""
     model = believed(True, stiffness=(5.16e5, 8.0e5, 6.84e5))

@@ -86,6 +86,7 @@ def test_a_cause_that_leaves_as_little_as_the_laws_stays(monkeypatch: pytest.Mon
     assert other_law(case(), problem, chosen) is None
 
 
+@pytest.mark.slow
 def test_only_causes_in_the_form_of_a_law_of_a_measured_damper_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: object, **__: object) -> None:
         raise AssertionError("identified")

@@ -179,6 +179,7 @@ def test_the_stage_of_a_fault_that_no_catalogue_has(fault: Fault, stage: str) ->
     assert low - 1e-9 <= shares[stage] <= high + 1e-9
 
 
+@pytest.mark.slow
 def test_a_fit_that_tells_no_more_than_the_laws_numbers_says_nothing_of_its_stage() -> None:
     """A sensor's fit that leaves what the freed law leaves as well does not make the sensor the stage."""
     search = searched(magnet)

@@ -32,6 +32,7 @@ def test_intervals_hold_the_truth_and_shrink_with_the_noise(fitted: tuple[Fit, l
     assert 0.3 < (offset.high - offset.low) / (2 * 1.96 * 2 / np.sqrt(8000)) < 2.5
 
 
+@pytest.mark.slow
 def test_a_fit_of_each_resample_agrees_with_one_step_and_any_number_of_workers(
     fitted: tuple[Fit, list[Record]],
 ) -> None:

@@ -64,6 +64,7 @@ def test_nothing_to_show_is_told() -> None:
         force_tracking([])
 
 
+@pytest.mark.slow
 def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     parameters = {"c0a": 400.0, "c0b": 150.0, "fya": 50.0, "fyb": 600.0, "v_ref": 0.01, "command_max": 2.0}
     model, picture = tmp_path / "model.json", tmp_path / "tracks.png"

@@ -149,6 +149,7 @@ def test_protocols_take_the_records_that_they_say() -> None:
         assert "\n" not in str(found.value)
 
 
+@pytest.mark.slow
 def test_choice_and_pruning_draw_their_courses(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -174,6 +174,7 @@ def test_engine_and_chain_say_the_same_of_an_episode() -> None:
     np.testing.assert_allclose(found[0], found[1], rtol=0.03, atol=0.01)
 
 
+@pytest.mark.slow
 def test_the_ordinary_commands_compare_and_train_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

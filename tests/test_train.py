@@ -198,6 +198,7 @@ def test_what_is_imitated_is_the_wanted_force_of_the_teacher() -> None:
     assert found * np.diag(matrix) == pytest.approx(np.array(wanted), abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("environment", [FRAME, "mrdamp/Cable-v0"])
 def test_a_search_begins_at_its_teacher(environment: str, tmp_path: Path) -> None:
     options = Options(environment, "es", overrides=("env_kwargs.timestep=0.001",))

@@ -136,6 +136,7 @@ def test_a_training_begins_at_a_linear_policy(tmp_path: Path, folder: bool) -> N
     assert theirs.std() > 0.3
 
 
+@pytest.mark.slow
 def test_a_training_goes_on_from_another_with_more_filters(tmp_path: Path) -> None:
     """Their states count for nothing at first, and are learned from then."""
     first = made(tmp_path / "one")
