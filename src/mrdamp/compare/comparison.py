@@ -88,6 +88,9 @@ def compare(
         raise InputError("compare: give at least one controller, one motion and one amplitude")
     for amplitude in amplitudes:
         require_positive("compare", amplitude=amplitude)
+    for load in loads:
+        if not np.any(bench.forces(load)):
+            raise InputError(f"{load.name}: the load is zero throughout; there is nothing to control")
     given, loads = loads, distinct(bench, loads)
     cases = list(itertools.product(loads, amplitudes))
     specs = [spec for c in contenders for spec in c.specs]
