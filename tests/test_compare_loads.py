@@ -14,7 +14,7 @@ from mrdamp import cli
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare, distinct
-from mrdamp.compare.contenders import Contender
+from mrdamp.compare.contenders import Contender, contenders
 from mrdamp.compare.goals import GoalBench
 from mrdamp.envs import RecordedMotions
 from mrdamp.envs.linear import own_kind
@@ -169,3 +169,13 @@ def test_a_flat_road_and_a_load_of_zeros_are_refused(bench: Bench, tmp_path: Pat
     road.write_text("position_m,height_m\n0,1\n1,1\n2,1\n3,1\n")
     refuses(lambda: bench_of("car").read([road], 20.0), "flat.csv: the road is flat throughout")
     refuses(lambda: compare(bench, [CONSTANT], [ONE.scaled(0.0)], [1.0]), "sine_9.0: the load is zero throughout")
+
+
+def test_a_period_of_ones_own_is_told(bench: Bench, tmp_path: Path) -> None:
+    own = tmp_path / "own.py"
+    own.write_text(
+        "class Es:\n    name, period = 'es', 0.002\n    def __init__(self, site): pass\n"
+        "    def reset(self): pass\n    def command(self, t, y): return 0.0\n"
+    )
+    rows = contenders(bench, ["passive-on", f"es={own}:Es"], {})
+    assert compare(bench, rows, [ONE], [1.0]).notes == ("control periods other than 5 ms: es 2 ms",)
