@@ -272,7 +272,9 @@ class LinearStructure(Structure, metaclass=_Kind):
         moved = {"acceleration": acceleration @ self.at.T, "displacement": state[:, :n] @ self.at.T}
         places = list(self.places)
         columns = [(goal, moved[goal.of][:, places.index(goal.place)]) for goal in self.goals.values()]
-        found = np.array([np.mean(x * x) if goal.how == "rms" else np.abs(x).max() for goal, x in columns])
+        found = np.array(
+            [np.trapezoid(x * x) / (len(x) - 1) if goal.how == "rms" else np.abs(x).max() for goal, x in columns]
+        )
         if not (found > 0).all():
             raise InputError(f"{load.name}: the load moves nothing; there is nothing to control")
         return found

@@ -192,7 +192,8 @@ class EngineRows(ABC):
     """n rows of a structure in the engine, each under its own load.
 
     Attributes: structure; stepping; names of the measurements, in the order of the columns of `measure`; period, s;
-    command_max (m,), A or V; steps (n,), how many control periods each row's load lasts; plants, which `_build` makes.
+    command_max (m,), A or V; steps (n,), how many control periods each row's load lasts; plants, which `_build` makes;
+    window, s: a load lasts as long as with control periods of it.
     """
 
     plants: Plants
@@ -202,6 +203,7 @@ class EngineRows(ABC):
     def __init__(self, structure: Structure, stepping: Stepping) -> None:
         self.structure, self.stepping, self.names = structure, stepping, structure.names
         self.period, self.command_max = stepping.period, stepping.command_max
+        self.window = self.period
         self.steps: NDArray[np.int64] = np.ones(stepping.n, dtype=np.int64)
         self._build()
 
@@ -292,12 +294,16 @@ class EngineRows(ABC):
 
     def _begin(self, row: int, load: Array, sample_time: float, duration: float) -> None:
         """Row at rest under a load, as of `Plants.start`, for its whole control periods: the row's `steps`."""
-        self.steps[row] = periods(duration, self.period)
+        self.steps[row] = self._lasting(duration)
         self.plants.start(row, load, sample_time, int(self.steps[row] * self.plants.inner))
 
     def _times(self, duration: float) -> Array:
         """(samples,) s, the engine's steps in the whole control periods of a load."""
-        return np.asarray(self.plants.timestep * np.arange(periods(duration, self.period) * self.plants.inner))
+        return np.asarray(self.plants.timestep * np.arange(self._lasting(duration) * self.plants.inner))
+
+    def _lasting(self, duration: float) -> int:
+        """How many control periods a load lasts: to the nearest of the window's end."""
+        return round(periods(duration, self.window) * self.window / self.period)
 
 
 def periods(duration: float, period: float) -> int:

@@ -174,6 +174,6 @@ def test_the_command_compares_on_a_road_file(tmp_path: Path, capsys: pytest.Capt
 def test_the_peak_stroke_of_a_run_is_in_metres() -> None:
     """That of the plant's strokes at the ends of the control periods, or a little more between them."""
     road = BENCH.unseen_loads()[-1]
-    ends = run_plant(BENCH.plant, road, BENCH.controller("passive-off"), BENCH.period, BENCH.measured).stroke
+    ends = run_plant(BENCH.plant, road, BENCH.controller("passive-off"), BENCH.measured).stroke
     kept = BENCH.run("passive-off", road, 1.0)
     assert np.abs(ends).max() <= kept["peak_stroke"] < 1.1 * np.abs(ends).max()

@@ -14,11 +14,12 @@ from mrdamp import cli
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare, distinct
-from mrdamp.compare.contenders import Contender
+from mrdamp.compare.contenders import Contender, contenders
 from mrdamp.compare.goals import GoalBench
 from mrdamp.envs import RecordedMotions
 from mrdamp.envs.linear import own_kind
 from mrdamp.motions import GroundMotion
+from refusals import refuses
 
 Isolated: Any = own_kind(OWN)
 ONE, TWO = (GroundMotion(f"sine_{w}", 5e-3, np.sin(w * 5e-3 * np.arange(401))) for w in (9.0, 14.0))
@@ -140,3 +141,41 @@ def test_settings_belong_to_what_loads_are_and_not_to_their_names_alone(
     before, loads = own.identity(), own.tuning_loads()
     monkeypatch.setattr(type(own), "tuning_loads", lambda self: [loads[0].scaled(1.001), *loads[1:]])
     assert own.identity() != before
+
+
+def test_motions_that_are_likely_none_are_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Zeros are refused with their file before anything runs; gravity in a record and mm/s2 get a line."""
+    call = ["compare", OWN, "--controllers", "passive-on", "--engine", "chain", "--jobs", "1", "--motions"]
+    for name, values in (
+        ("zero", 0 * ONE.acceleration),
+        ("gravity", 9.81 + ONE.acceleration),
+        ("mm", 1e3 * TWO.acceleration),
+    ):
+        replace(ONE, acceleration=values).save(tmp_path / f"{name}.csv")
+    gravity, mm, zero = (str(tmp_path / f"{name}.csv") for name in ("gravity", "mm", "zero"))
+    assert cli.main([*call, gravity, zero, "-o", str(tmp_path / "out")]) != 0
+    assert f"{zero}: the motion is zero throughout" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "kept.jsonl").exists()
+    assert cli.main([*call, gravity, mm]) == 0
+    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("check: ")]
+    assert [line.split(";")[0] for line in said] == [
+        f"check: gravity: its mean is {9.81 + ONE.acceleration.mean():.3g} m/s2, its peak 10.8",
+        "check: mm: its peak is 1e+03 m/s2",
+    ]
+
+
+def test_a_flat_road_and_a_load_of_zeros_are_refused(bench: Bench, tmp_path: Path) -> None:
+    road = tmp_path / "flat.csv"
+    road.write_text("position_m,height_m\n0,1\n1,1\n2,1\n3,1\n")
+    refuses(lambda: bench_of("car").read([road], 20.0), "flat.csv: the road is flat throughout")
+    refuses(lambda: compare(bench, [CONSTANT], [ONE.scaled(0.0)], [1.0]), "sine_9.0: the load is zero throughout")
+
+
+def test_a_period_of_ones_own_is_told(bench: Bench, tmp_path: Path) -> None:
+    own = tmp_path / "own.py"
+    own.write_text(
+        "class Es:\n    name, period = 'es', 0.002\n    def __init__(self, site): pass\n"
+        "    def reset(self): pass\n    def command(self, t, y): return 0.0\n"
+    )
+    rows = contenders(bench, ["passive-on", f"es={own}:Es"], {})
+    assert compare(bench, rows, [ONE], [1.0]).notes == ("control periods other than 5 ms: es 2 ms",)

@@ -217,7 +217,11 @@ def test_what_is_no_structure_gets_one_line(tmp_path: Path) -> None:
         ("stiffness", np.ones(4), r"stiffness has the shape \(4,\)"),
         ("damping", np.array([[1.0, 2.0], [0.0, 1.0]]), "damping is not symmetric"),
         ("damping", np.full((2, 2), np.nan), "damping holds NaN"),
-        ("damping", [[1.0], [1.0, 2.0]], "damping is no array of numbers"),
+        ("damping", [[1.0], [1.0, 2.0]], "damping is no array of real numbers"),
+        ("stiffness", np.eye(2) * (1 + 0.02j), "stiffness is no array of real numbers"),
+        # Poles of q'' - .2 q' + q = 0: .1 +- i (1 - .01)^.5.
+        ("damping", np.diag([-0.2, 1.0]), r"damping is negative: .* unstable, a motion grows with 0.1 1/s"),
+        ("stroke", np.zeros(2), "stroke is zero throughout"),
         ("stroke", np.ones((2, 2)), "mass has the shape"),
         ("stroke", [], "mass has the shape"),
         ("load", np.ones((3, 1)), r"load has the shape \(3, 1\); allowed .* \(2, loads\)"),
@@ -227,6 +231,9 @@ def test_matrices_that_are_none_get_one_line(name: str, value: Any, message: str
     sound: dict[str, Any] = dict.fromkeys(("mass", "damping", "stiffness"), np.eye(2))
     sound |= {"stroke": np.ones(2), "load": np.ones(2)}
     assert Mechanics(**sound).load.shape == (2, 1)
+    # Without damping, and with a negative one that another outweighs: x = 1, -1 has 2, x = 1, 1 none.
+    for damping in (np.zeros((2, 2)), np.array([[1.0, -1.0], [-1.0, 1.0]])):
+        Mechanics(**{**sound, "damping": damping})
     refuses(lambda: Mechanics(**{**sound, name: value}), f"mechanics: {message}")
 
 

@@ -230,7 +230,7 @@ MUTANTS = (
            ("qacc = qacc - (self.plants", "qacc = qacc + (self.plants")),
     *_some("a structure of one's own", "envs/linear.py", "own_structure",
            ("(0.0 if s.absolute else w", "(0.0 if not s.absolute else w"),
-           ("np.mean(x * x) if goal.how", "np.mean(np.abs(x)) if goal.how")),
+           ("np.trapezoid(x * x) /", "np.trapezoid(np.abs(x)) /")),
 )  # fmt: skip
 
 

@@ -115,6 +115,7 @@ def _compare(a: argparse.Namespace) -> int:
     from mrdamp.compare.comparison import compare, distinct
     from mrdamp.compare.contenders import contenders, shipped_policies
     from mrdamp.compare.frame import FrameBench
+    from mrdamp.compare.motions import doubtful
     from mrdamp.compare.output import write_comparison
     from mrdamp.compare.page import paths_picture, shares_picture
     from mrdamp.compare.tables import (
@@ -128,6 +129,7 @@ def _compare(a: argparse.Namespace) -> int:
         to_json,
     )
     from mrdamp.compare.tuning import settings_for
+    from mrdamp.motions import GroundMotion
 
     period = None if a.period is None else 1e-3 * a.period
     bench = bench_of(
@@ -148,6 +150,8 @@ def _compare(a: argparse.Namespace) -> int:
     if a.bound is not None and (a.dampers or ())[1:]:
         raise InputError("--bound is for one damper; leave it out")
     loads: Sequence[Any] = bench.read(a.motions, a.speed) if a.motions else bench.unseen_loads()
+    for check in (said for load in loads if a.motions and isinstance(load, GroundMotion) for said in doubtful(load)):
+        print(f"check: {check}", file=sys.stderr)
     amplitudes = tuple(a.amplitudes) if a.amplitudes else (1.0,) if a.motions else bench.unseen_amplitudes
     shipped = shipped_policies(bench.environment)
     names = a.controllers or [*bench.default, *shipped]

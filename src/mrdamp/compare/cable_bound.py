@@ -15,6 +15,7 @@ from scipy.signal import cont2discrete
 from mrdamp.compare.beam import judged, search
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.cable import CableBench
+from mrdamp.compare.plant_run import WINDOW
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_rows import CableChain
 from mrdamp.envs.cable_task import Cable
@@ -42,6 +43,7 @@ def cable_bound(
     def rows(n: int) -> CableChain:
         stepping = Stepping(bench.period, min(bench.period, _STEP), np.array([largest]), n)
         made = CableChain(Cable(bench.cable, bench.model), stepping)
+        made.window = WINDOW
         for row in range(n):
             made.start(row, scaled)
         return made

@@ -20,6 +20,7 @@ from mrdamp.control.told import knowledge
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_rows import PERIOD
 from mrdamp.envs.car_task import Car, car_damper
+from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.simulation.roads import Road, bump, iso8608, read_road
 from mrdamp.structures.cars import QuarterCar
@@ -147,7 +148,11 @@ class CarBench(PlantBench):
         return (*_roads(_UNSEEN), bump(0.08, 1.0, 6.0), bump(0.05, 4.0, 20.0))
 
     def read(self, files: Sequence[Path], speed: float) -> list[Road]:
-        return [read_road(file, speed) for file in files]
+        roads = [read_road(file, speed) for file in files]
+        for file, road in zip(files, roads, strict=True):
+            if not np.ptp(road.height) > 0:
+                raise InputError(f"{file}: the road is flat throughout; there is nothing to control")
+        return roads
 
     def own_identity(self) -> list[Any]:
         return [asdict(self.car), self.model.to_dict()["model"], self.period, self.timestep]

@@ -13,6 +13,7 @@ from scipy.linalg import expm, solve_discrete_lyapunov
 from mrdamp.compare.beam import Beam, judged, search
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.car import CarBench
+from mrdamp.compare.plant_run import WINDOW
 from mrdamp.envs.car_rows import PERIOD
 from mrdamp.envs.car_task import Car
 from mrdamp.envs.chain_rows import CarChain
@@ -47,6 +48,7 @@ def car_bound(
     def rows(n: int) -> CarChain:
         stepping = Stepping(bench.period, min(bench.period, _STEP), np.array([largest]), n)
         made = CarChain(Car(bench.car, bench.model), stepping)
+        made.window = WINDOW
         for row in range(n):
             made.start(row, scaled)
         return made

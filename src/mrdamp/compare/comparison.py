@@ -88,6 +88,9 @@ def compare(
         raise InputError("compare: give at least one controller, one motion and one amplitude")
     for amplitude in amplitudes:
         require_positive("compare", amplitude=amplitude)
+    for load in loads:
+        if not np.any(bench.forces(load)):
+            raise InputError(f"{load.name}: the load is zero throughout; there is nothing to control")
     given, loads = loads, distinct(bench, loads)
     cases = list(itertools.product(loads, amplitudes))
     specs = [spec for c in contenders for spec in c.specs]
@@ -126,6 +129,9 @@ def _notes(
         same = dict.fromkeys(load.name for load in loads if bench.likeness(load) in known)
         if same:
             yield f"controllers were tuned or policies chosen on {', '.join(same)} too; others may show less"
+    own = {c.name: bench.controller(c.specs[0]).period for c in contenders}
+    if said := [f"{name} {1e3 * period:g} ms" for name, period in own.items() if period != bench.period]:
+        yield f"control periods other than {1e3 * bench.period:g} ms: {', '.join(said)}"
     for c in contenders:
         if c.learned and c.periods == 0:
             yield f"{c.name} is untrained: no evaluation of its training was better than its start's"

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, Measure
-from mrdamp.compare.plant_run import PlantBench, PlantRun
+from mrdamp.compare.plant_run import WINDOW, PlantBench, PlantRun
 from mrdamp.control import registry
 from mrdamp.control.told import knowledge
 from mrdamp.envs.linear import LinearStructure
@@ -71,7 +71,7 @@ class GoalBench(PlantBench):
         return self.structure.site(self.command_max, self.period)
 
     def uncontrolled(self, load: Any) -> dict[str, Any]:
-        return dict(zip(self.structure.goals, self.structure.uncontrolled(load, self.period).tolist(), strict=True))
+        return dict(zip(self.structure.goals, self.structure.uncontrolled(load, WINDOW).tolist(), strict=True))
 
     def kept(self, run: PlantRun) -> dict[str, Any]:
         found = {}

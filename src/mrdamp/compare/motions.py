@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
+from mrdamp.errors import InputError
 from mrdamp.files import SUFFIXES, files_in
 from mrdamp.motions import GroundMotion, kanai_tajimi, read_motion
 
@@ -13,6 +16,9 @@ PEAK = 3.4  # m/s2, of every synthetic motion at amplitude 1
 
 UNSEEN_AMPLITUDES = (0.4, 1.0, 1.6)
 TUNING_AMPLITUDES = (0.5, 1.3)
+
+#: Of a recorded motion: the mean over the peak at most, and the peak, m/s2. The largest on record is about 40.
+_MEAN, _PEAK = 0.5, 50.0
 
 
 @dataclass(frozen=True)
@@ -52,11 +58,24 @@ def synthetic(seed: int, soil: Soil) -> GroundMotion:
 def read_motions(paths: Sequence[Path | str]) -> tuple[GroundMotion, ...]:
     """Motions of files, or of every .csv, .csv.gz and .AT2 in a folder; names are made different.
 
-    Raises InputError where there is none.
+    Raises InputError where there is none, or one of zeros.
     """
     motions: list[GroundMotion] = []
     for file in (f for path in paths for f in files_in(Path(path), (*SUFFIXES, ".at2"))):
         motion = read_motion(file)
+        if not motion.acceleration.any():
+            raise InputError(f"{file}: the motion is zero throughout; there is nothing to control")
         taken = sum(m.name.split("#")[0] == motion.name for m in motions)
         motions.append(replace(motion, name=f"{motion.name}#{taken + 1}") if taken else motion)
     return tuple(motions)
+
+
+def doubtful(motion: GroundMotion) -> list[str]:
+    """What is likely a mistake of a recorded motion: a line each."""
+    mean, peak = float(np.mean(motion.acceleration)), motion.pga
+    found = []
+    if abs(mean) > _MEAN * peak:
+        found.append(f"{motion.name}: its mean is {mean:.3g} m/s2, its peak {peak:.3g}; take an offset out")
+    if peak > _PEAK:
+        found.append(f"{motion.name}: its peak is {peak:.3g} m/s2; usual are up to {_PEAK:g}: motions are in m/s2")
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,11 +18,16 @@ from mrdamp.envs.plant import RowPlant
 
 Array = NDArray[np.float64]
 
+#: s. Every run is as long as with control periods of this, so that no controller is judged by motion that another's run
+#: is too short for; a period that is no multiple of it is stepped in parts of at most _PART.
+WINDOW = 5e-3
+_PART = 1e-3
+
 
 @dataclass(frozen=True)
 class PlantRun:
-    """Samples every `period` (s), at the ends of the control periods: results of the rows for each period (n, columns),
-    command and current (A or V), force (N) and stroke (m), (n,) each."""
+    """Samples every `period` (s): results of the rows for each period (n, columns), at its end command and current (A
+    or V), force (N) and stroke (m), (n,) each."""
 
     period: float
     of_period: Array
@@ -49,15 +55,18 @@ class PlantRun:
 
 
 def run_plant(
-    make: Callable[[float], RowPlant], load: Any, controller: Controller, period: float, measured: Sequence[str]
+    make: Callable[[float], RowPlant], load: Any, controller: Controller, measured: Sequence[str]
 ) -> PlantRun:
-    """A controller over a load. make: a plant from its control period, s; period: of the plant, unless the controller's
-    own is no multiple of it; measured: what the controller is given, in a copy of its own."""
-    every = round(controller.period / period)
-    if abs(every * period - controller.period) > 1e-9 * period or every < 1:
-        period, every = controller.period, 1
-    require_periods(load, period)
+    """A controller over a load. make: a plant from its control period, s; measured: what the controller is given, in a
+    copy of its own."""
+    every = round(controller.period / WINDOW)
+    if every < 1 or abs(every * WINDOW - controller.period) > 1e-9 * WINDOW:
+        every = math.ceil(controller.period / _PART - 1e-9)
+    period = controller.period / every
+    for each in (controller.period, period):
+        require_periods(load, each)
     plant, sampled = make(period), ZeroOrderHold(controller, every)
+    plant.rows.window = WINDOW
     sampled.reset()
     y, rows, said = plant.reset(load), [], []
     while not plant.finished:
@@ -96,5 +105,5 @@ class PlantBench(Bench):
 
     def driven(self, controller: Controller, load: Any, amplitude: float) -> dict[str, Any]:
         """What is kept of a controller's run. Raises InputError."""
-        run = run_plant(self.plant, load.scaled(amplitude), controller, self.period, self.measured)
+        run = run_plant(self.plant, load.scaled(amplitude), controller, self.measured)
         return {**self.kept(run), **run.electric(self.command_unit, self.site.command_max)}

@@ -164,8 +164,11 @@ def numbers(
         least: number of rows.
 
     Raises:
-        InputError: too few rows, a ragged row, a cell that is not a number, NaN or infinity, with its line.
+        InputError: a picked column twice, too few rows, a ragged row, a cell that is not a number, NaN or infinity,
+            with its line.
     """
+    if twice := [names[k] for k in picked if names.count(names[k]) > 1]:
+        raise InputError(f"{file}: two columns are named {show(twice[0])}; rename one")
     if len(rows) < least:
         raise InputError(f"{file}: {len(rows)} samples: at least {least} are needed")
     commas = np.fromiter((row.count(",") for row in rows), dtype=np.int64, count=len(rows))

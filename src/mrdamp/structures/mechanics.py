@@ -18,6 +18,8 @@ from mrdamp.structures.frames import FloatArray
 
 _SINGULAR = 1e-13  # of the largest eigenvalue; what is left of a zero after rounding
 
+_ROUNDING = 1e-9  # of poles, over the largest
+
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
@@ -38,9 +40,11 @@ class Mechanics:
         for name in (*square, "stroke", "load"):
             shape = (n, n) if name in square else (n,)
             try:
+                if np.iscomplexobj(getattr(self, name)):
+                    raise TypeError  # else NumPy drops what is imaginary
                 values = np.array(getattr(self, name), dtype=np.float64)
             except (TypeError, ValueError):
-                raise InputError(f"mechanics: {name} is no array of numbers; allowed: numbers {shape}") from None
+                raise InputError(f"mechanics: {name} is no array of real numbers; allowed: {shape}") from None
             if not n or values.shape[: len(shape)] != shape or values.ndim > (1 if name == "stroke" else 2):
                 allowed = f"({n}, loads)" if name == "load" else shape
                 said = f"mechanics: {name} has the shape {values.shape}; allowed with {n} coordinates in stroke"
@@ -56,6 +60,16 @@ class Mechanics:
                 raise InputError(
                     f"mechanics: {name} is not positive definite: its eigenvalues are from {sizes[0]:.3g} to "
                     f"{sizes[-1]:.3g}"
+                )
+        if not self.stroke.any():
+            raise InputError("mechanics: stroke is zero throughout; the damper would do nothing")
+        # With a damping that is nowhere negative nothing grows.
+        if np.linalg.eigvalsh(self.damping)[0] < 0:
+            poles = np.linalg.eigvals(np.vstack([np.eye(n, 2 * n, n), self.rate]))
+            if poles.real.max() > _ROUNDING * np.abs(poles).max():
+                raise InputError(
+                    "mechanics: damping is negative: without the damper the structure is unstable, a motion grows with "
+                    f"{poles.real.max():.3g} 1/s"
                 )
 
     @cached_property
