@@ -25,7 +25,7 @@ from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.linear_rows import LinearChain, LinearRows, forces_of
 from mrdamp.envs.linear_site import LinearSite
 from mrdamp.envs.linear_xml import LinearView, linear_xml
-from mrdamp.envs.loads import MotionSource, played
+from mrdamp.envs.loads import MotionSource, drawn, played
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plants import periods
 from mrdamp.envs.structure import Criterion, Structure, largest_force
@@ -238,7 +238,7 @@ class LinearStructure(Structure, metaclass=_Kind):
 
     def some(self, rng: np.random.Generator, count: int, spread: float = 0.0) -> list[Any]:
         source = self.training()
-        return [source.draw(rng) for _ in range(count)]
+        return [drawn(source, rng) for _ in range(count)]
 
     def validation(self) -> list[Any]:
         return self.some(np.random.default_rng([VALIDATION_SEED, 4]), 6)
@@ -246,7 +246,7 @@ class LinearStructure(Structure, metaclass=_Kind):
     def load(self, rng: np.random.Generator, source: Any, options: Mapping[str, Any]) -> Any:
         given, compression = options.get(self.option), options.get("compression")
         if given is None:
-            return source.draw(rng)
+            return drawn(source, rng)
         return given if self.option != "motion" else played(given, compression)
 
     def reference(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -120,6 +120,17 @@ class MixedMotions:
     def draw(self, rng: np.random.Generator) -> GroundMotion:
         share = np.array(self.weights or [1.0] * len(self.sources))
         return self.sources[int(rng.choice(len(self.sources), p=share / share.sum()))].draw(rng)
+
+
+def drawn(source: Any, rng: np.random.Generator) -> Any:
+    """A load of a source of one's own. Raises InputError where it lacks what a load has."""
+    load, needed = source.draw(rng), ("name", "duration", "sample_time", "scaled")
+    missing = [name for name in needed if not hasattr(load, name)]
+    if missing:
+        own = type(source).__name__
+        raise InputError(f"{own}: draw gives a {type(load).__name__} without {missing[0]}; allowed: a load with "
+                         f"{', '.join(needed)}")
+    return load
 
 
 def played(given: GroundMotion | Path | str, compression: float | None = None) -> GroundMotion:

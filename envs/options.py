@@ -18,7 +18,7 @@ from mrdamp.envs.plants import of_engine
 from mrdamp.envs.randomise import DrawnRows
 from mrdamp.envs.sensors import stem
 from mrdamp.envs.structure import Structure
-from mrdamp.errors import InputError, require_kind
+from mrdamp.errors import InputError, require_kind, require_period
 from mrdamp.model import Model
 from mrdamp.simulation.rows import Stepping
 
@@ -41,6 +41,7 @@ class RowOptions:
 
     def rows(self, structure: Structure, n: int = 1) -> Any:
         """n rows of a structure on the engine. Raises InputError."""
+        require_period("control", self.period)
         kind, step = of_engine(structure.engines, self.engine)
         timestep = step if self.timestep is None else self.timestep
         largest = command_range(structure.models, self.command_max)

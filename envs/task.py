@@ -192,6 +192,7 @@ class Task:
         options: Mapping[str, Any] | None = None,
     ) -> tuple[Observation, list[dict[str, Any]]]:
         """Starts rows anew: observations (rows, size) and one info each. rngs: a generator for each of all n rows."""
+        require_kind("options by name", Mapping, **{"reset: options": options})
         given = dict(options or {})
         fixed, infos = given.pop("drawn", None), []
         for row in rows:

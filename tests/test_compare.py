@@ -76,6 +76,9 @@ def test_a_stopped_comparison_goes_on(tmp_path: Path) -> None:
     third = Squares()
     run_all(third, [3], keep=keep)
     assert not third.done
+    keep.write_bytes(keep.read_bytes().replace(b'"value": 4', b'"value": 5'))
+    assert run_all(third, [1, 2, 3], keep=keep)[1]["value"] == 4  # a changed line is done again
+    assert third.done == [2]
     with pytest.raises(InputError, match="0 jobs"):
         run_all(third, [1], jobs=0)
 

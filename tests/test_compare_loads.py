@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,10 @@ from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare, distinct
 from mrdamp.compare.contenders import Contender, contenders
 from mrdamp.compare.goals import GoalBench
-from mrdamp.envs import RecordedMotions
+from mrdamp.control.networks import Network
+from mrdamp.control.observe import Observer
+from mrdamp.control.policy import Policy
+from mrdamp.envs import RecordedMotions, StructureEnv
 from mrdamp.envs.linear import own_kind
 from mrdamp.motions import GroundMotion
 from refusals import refuses
@@ -179,3 +183,65 @@ def test_a_period_of_ones_own_is_told(bench: Bench, tmp_path: Path) -> None:
     )
     rows = contenders(bench, ["passive-on", f"es={own}:Es"], {})
     assert compare(bench, rows, [ONE], [1.0]).notes == ("control periods other than 5 ms: es 2 ms",)
+
+class Own:
+    """A load of a class of one's own: a second of white noise."""
+
+    name, duration, sample_time = "own", 0.99, 0.01
+
+    def __init__(self, forces: Any) -> None:
+        self.acceleration = forces
+
+    def scaled(self, factor: float) -> Own:
+        return Own(factor * self.acceleration)
+
+
+class InPlace(Own):
+    def scaled(self, factor: float) -> Own:
+        self.acceleration *= factor
+        return self
+
+
+class Unscaled(Own):
+    def scaled(self, factor: float) -> Own:
+        return self
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [(Own, ""), (InPlace, r"scaled\(2\) changes the load itself"), (Unscaled, r"scaled\(2\) has not twice the forces")],
+)
+def test_a_load_whose_scaled_is_none_is_refused_before_a_run(bench: Bench, kind: Any, message: str) -> None:
+    load = kind(np.random.default_rng(0).standard_normal(100))
+    if message:
+        refuses(lambda: compare(bench, [CONSTANT], [load], [1.0]), f"own: {message}; allowed: a new load")
+    else:
+        assert compare(bench, [CONSTANT], [load], [1.0]).loads == ("own",)
+
+
+def test_a_source_that_draws_no_load_is_named() -> None:
+    class Nothing:
+        def draw(self, rng: np.random.Generator) -> None:
+            return None
+
+    class Without(Isolated):  # type: ignore[misc]
+        def loads(self) -> Any:
+            return Nothing()
+
+    said = "Nothing: draw gives a NoneType without name; allowed: a load with name, duration, sample_time, scaled"
+    refuses(lambda: GoalBench(Without(), engine="chain").unseen_loads(), said)
+    refuses(lambda: StructureEnv(Without, engine="chain").reset(seed=0), said)
+
+
+def test_a_policy_given_twice_is_one_seed(tmp_path: Path, bench: Bench) -> None:
+    """The same file, and a copy in another layout; another bias is another seed."""
+    files = [tmp_path / f"{name}.json" for name in ("a", "b", "c")]
+    for file, bias in zip(files, (0.0, 0.0, 0.5), strict=True):
+        network, seen = Network(((np.zeros((1, 3)), np.array([bias])),)), Observer(("stroke", "force"), (1.0, 1.0))
+        Policy("steady", 5e-3, seen, np.eye(3), network, 1.0).write(file)
+    files[1].write_text(json.dumps(json.loads(files[1].read_text()), indent=3))
+    rows = contenders(bench, [f"mine=policy:{','.join(str(files[k]) for k in (0, 0, 1, 2))}"], {})
+    assert rows[0].specs == (f"policy:{files[0]}", f"policy:{files[2]}")
+    found = compare(bench, rows, [ONE], [1.0])
+    assert found.values["mine"]["shaking"].shape == (2, 1, 1)
+    assert "2 of 4 policies of mine are others again, and left out" in found.notes

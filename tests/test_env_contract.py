@@ -207,6 +207,8 @@ def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
         (FrameEnv, {"damper_between": 3}, {}, "damper_between is 3"),
         (FrameEnv, {"command_max": -1.0}, {}, "command_max"),
         (FrameEnv, {"period": 0.0}, {}, "period is 0.0"),
+        (FrameEnv, {"period": 1e-9}, {}, "period is 1e-09; allowed: 1e-05 to 10 s"),
+        (FrameEnv, {}, 5, "reset: options is 5; allowed: options by name"),
         (FrameEnv, {"signals": ("acceleration_9",)}, {}, "acceleration_9"),
         (FrameEnv, {"signals": ("pressure",)}, {}, "pressure"),
         (FrameEnv, {"history": 0}, {}, "history"),
@@ -236,7 +238,7 @@ def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
     ],
 )
 def test_arguments_are_checked_when_the_environment_is_made(
-    make: Make, arguments: dict[str, Any], options: dict[str, Any], message: str
+    make: Make, arguments: dict[str, Any], options: Any, message: str
 ) -> None:
     """Options when it is reset."""
     if options:
@@ -324,7 +326,10 @@ def test_normalised_observations_are_about_one(make: Make, given: Mapping[str, A
     refuses(lambda: make(1, normalise=True, observer=task.observer), "normalise is for")
 
 
-@pytest.mark.parametrize("other", [{"command_max": 0.5}, {"noise": {"force": 1.0}}, {"reward": {"drift": 2.0}}])
+@pytest.mark.parametrize("other", [
+    {"command_max": 0.5}, {"noise": {"force": 1.0}}, {"reward": {"drift": 2.0}},
+    {"motions": SyntheticMotions(duration=9.0)},
+])  # fmt: skip
 def test_a_state_of_an_environment_with_other_arguments_is_refused(other: dict[str, Any]) -> None:
     env = FrameEnv(engine="chain")
     env.reset(seed=1)
@@ -369,3 +374,16 @@ def test_rows_that_begin_anew_by_themselves_need_a_first_reset() -> None:
         batch.step(np.zeros((2, 1)))
     batch.reset(seed=1)
     assert sum(batch.step(np.zeros((2, 1)))[3].sum() for _ in range(202)) == 2  # 200 periods of 5 ms each
+
+
+def test_a_state_fits_where_the_loads_are_those_of_an_equal_source() -> None:
+    """Of a class without a text of its own, whose default one holds the address."""
+
+    class Source:
+        def draw(self, rng: np.random.Generator) -> GroundMotion:
+            return kanai_tajimi(int(rng.integers(9)), duration=1.0)
+
+    one, other = (FrameEnv(engine="chain", motions=Source()) for _ in range(2))
+    one.reset(seed=1)
+    other.set_state(one.get_state())
+    same(one.step(np.zeros(1, np.float32)), other.step(np.zeros(1, np.float32)))

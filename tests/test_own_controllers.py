@@ -223,7 +223,9 @@ def test_a_command_is_what_the_damper_takes(tmp_path: Path, engine: str, body: s
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "chain"])
-@pytest.mark.parametrize("body", ["[y.update({k: 0.0}) for k in y] and 2.25", "2.25 * (len(y) == 9)"])
+@pytest.mark.parametrize(
+    "body", ["[y.update({k: 0.0}) for k in y] and 2.25", "y.clear() or 2.25", "2.25 * (len(y) == 9)"]
+)
 def test_a_controller_has_a_copy_of_what_is_measured_and_no_more(
     tmp_path: Path, engine: str, body: str
 ) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +15,12 @@ from gymnasium.wrappers import RescaleAction
 import mrdamp
 from env_arguments import OWN as ISOLATED
 from mrdamp.compare.benches import bench_of
+from mrdamp.compare.comparison import compare
 from mrdamp.compare.contenders import contenders
 from mrdamp.control.policy import Policy
 from mrdamp.envs import FrameEnv
 from refusals import refuses
-from test_own_controllers import BENCH, OWN, write
+from test_own_controllers import BENCH, LOAD, OWN, write
 
 SHIPPED = next((Path(mrdamp.__file__).parent / "data/policies/frame/learned").glob("*.json"))
 
@@ -87,3 +90,26 @@ def test_a_saved_model_of_other_actions_or_statistics_is_refused_with_its_file(t
     refuses(lambda: mine("positive", "own"), r"positive.zip: its actions are Box\(0.0, 1.0.* here: Box\(-1.0, 1.0")
     refuses(lambda: mine("longer", "own"), "longer.zip: its observations are")
     refuses(lambda: mine("own", "longer"), r"longer.pkl: its statistics are of .*\(18,\); allowed here: \(6,\)")
+
+
+def test_a_controller_that_remembers_earlier_runs_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its list of commands outlives the run, and so its repeated run has none left; one without it passes."""
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    (tmp_path / "commands_so_far.py").write_text("N = []\n")
+
+    def call(body: str) -> Any:
+        file = write(tmp_path, body)
+        file.write_text("import commands_so_far\n" + file.read_text())
+        bench = replace(BENCH, engine="chain")
+        return compare(bench, contenders(bench, [f"mine={file}:Broken"], {}), [LOAD], [1.0])
+
+    counts = "commands_so_far.N.append(0) or 2.25 * (len(commands_so_far.N) < 300)"
+    refuses(partial(call, counts), "own_law.py:Broken: its first run, repeated, has another result: it keeps state")
+    assert call("2.25").values["mine"]["mean_command"].item() == pytest.approx(2.25)
+
+
+def test_a_policy_names_the_measurement_that_a_structure_lacks() -> None:
+    """One without what it was trained in, on another structure."""
+    policy = Policy.read(SHIPPED)
+    first, *others = policy.observer.signals
+    refuses(lambda: policy.command(0.0, dict.fromkeys(others, 0.0)), f"it needs the measurement {first}; there are")

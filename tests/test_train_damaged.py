@@ -80,6 +80,9 @@ def narrower(file: Path) -> None:
         ("normalization.npy", no_numbers, "damaged"),
         ("normalization.npy", narrower, "damaged"),
         ("options.json", emptied, "damaged"),
+        ("policy.json", cut, "no JSON.*"),
+        ("policy.json", emptied, "not a policy.*"),
+        ("policy.json", Path.unlink, "missing"),
     ],
 )
 def test_a_damaged_training_is_named(
@@ -89,8 +92,9 @@ def test_a_damaged_training_is_named(
     shutil.copytree(trained(algorithm), out)
     harm(out / name)
     before = {f: f.read_bytes() for f in out.rglob("*") if f.is_file()}
-    longer = options(algorithm, 100_000)
-    refuses(lambda: train(longer, out), f"{name}: {said}; delete the folder, and the training begins again")
+    given = [options(algorithm, 100_000), *([options(algorithm, 32)] if file == "policy.json" else [])]
+    for each in given:  # finished, it is read too
+        refuses(partial(train, each, out), f"{name}: {said}; delete the folder, and the training begins again")
     assert {f: f.read_bytes() for f in out.rglob("*") if f.is_file()} == before
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
-from mrdamp.train.run import Progress, Result, Run, reading
+from mrdamp.train.run import Progress, Result, Run, reading, require_policy
 from mrdamp.train.settings import Options, Settings, settings
 
 
@@ -38,6 +38,7 @@ def train(options: Options, out: Path | str, progress: Progress | None = None) -
         raise InputError(f"{out}: holds a training with other options, or a longer one; choose another folder")
     if finished.is_file() and held == own:
         kept = _read(finished, "curve", "seconds")
+        require_policy(out)
         return Result(out, tuple(kept["curve"]), kept["seconds"])
     run = _run(options, chosen, out)
     out.mkdir(parents=True, exist_ok=True)

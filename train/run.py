@@ -73,6 +73,16 @@ def require_file(file: Path) -> None:
         raise InputError(f"{file}: missing; {_ANEW}")
 
 
+def require_policy(out: Path) -> None:
+    """InputError where the policy in a training's folder is missing or damaged."""
+    file = out / "policy.json"
+    require_file(file)
+    try:
+        Policy.read(file)
+    except InputError as error:
+        raise InputError(f"{error}; {_ANEW}") from None
+
+
 class Run(ABC):
     """A training that is going on. n: rows of its task. Attributes: curve, as in `Result`; resumed, whether it goes on
     from a checkpoint, and reached, the control periods of that."""
@@ -112,6 +122,7 @@ class Run(ABC):
                 kept = json.loads(self.state_file.read_text())
                 self.curve, self._before = kept["curve"], float(kept["seconds"])
                 self.reached = int(self.curve[-1]["timesteps"])
+            require_policy(self.out)
 
     def _like(self, model: Path) -> World:
         """The world with another model, seen by the same observer."""

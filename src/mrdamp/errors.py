@@ -9,6 +9,7 @@ from typing import Any
 
 #: The largest number that an input may hold: its square and cube still are numbers.
 LARGEST = 1e30
+_PERIODS = 1e-5, 10.0  # s
 
 
 class MrdampError(Exception):
@@ -51,6 +52,12 @@ def require_positive(what: str, **values: float) -> None:
     for name, value in values.items():
         if not (isinstance(value, Real) and 0 < value <= LARGEST):
             raise InputError(f"{what}: {name} is {value!r}; allowed: a finite number > 0, up to {LARGEST:g}")
+
+
+def require_period(what: str, period: Any) -> None:
+    """InputError unless a control period, s, is a number that a run can be made with. what: whose it is."""
+    if not isinstance(period, Real) or not _PERIODS[0] <= float(period) <= _PERIODS[1]:
+        raise InputError(f"{what}: period is {period!r}; allowed: {_PERIODS[0]:g} to {_PERIODS[1]:g} s")
 
 
 def require_kind(words: str, kind: type | tuple[type, ...], **values: Any) -> None:

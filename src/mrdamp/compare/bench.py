@@ -22,7 +22,7 @@ from mrdamp.control.base import Controller
 from mrdamp.envs.plants import of_engine
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, task_of
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import InputError, require_period, require_positive
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -178,7 +178,7 @@ class Bench(ABC):
     tuning_step: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
-        own.require_period("compare", self.period)
+        require_period("compare", self.period)
         require_positive("compare", timestep=self.timestep)
         of_engine(self.structure.engines, self.engine)
 

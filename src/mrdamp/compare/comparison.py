@@ -12,6 +12,7 @@ import numpy as np
 
 from mrdamp.compare.bench import Bench, Load, Measure
 from mrdamp.compare.contenders import Contender
+from mrdamp.compare.own import is_code
 from mrdamp.compare.runner import Progress
 from mrdamp.compare.summary import Summary, difference, summarise
 from mrdamp.compare.tuning import run_grid
@@ -95,6 +96,14 @@ def compare(
     cases = list(itertools.product(loads, amplitudes))
     specs = [spec for c in contenders for spec in c.specs]
     rows = run_grid(bench, specs, cases, jobs=jobs, keep=keep, progress=progress)
+    own = [spec for spec in specs if is_code(spec)]
+    again = run_grid(bench, own, cases[:1], jobs=jobs, progress=progress, what="repeated runs") if own else {}
+    for spec in own:
+        if not np.array_equal(list(again[spec][0].values()), list(rows[spec][0].values()), equal_nan=True):
+            raise InputError(
+                f"controller {spec.partition(':')[2]}: its first run, repeated, has another result: it keeps state "
+                "between runs that its reset does not put back, or draws numbers without a seed"
+            )
     shape = len(loads), len(amplitudes)
     values = {
         c.name: {
@@ -133,6 +142,8 @@ def _notes(
     if said := [f"{name} {1e3 * period:g} ms" for name, period in own.items() if period != bench.period]:
         yield f"control periods other than {1e3 * bench.period:g} ms: {', '.join(said)}"
     for c in contenders:
+        if c.repeated:
+            yield f"{c.repeated} of {len(c.specs) + c.repeated} policies of {c.name} are others again, and left out"
         if c.learned and c.periods == 0:
             yield f"{c.name} is untrained: no evaluation of its training was better than its start's"
         about = Policy.read(c.specs[0].partition(":")[2]).about if c.learned else {}

@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 from mrdamp.compare import own
-from mrdamp.compare.bench import Bench
+from mrdamp.compare.bench import Bench, digest
 from mrdamp.compare.tuning import Setting
 from mrdamp.control import registry
 from mrdamp.control.policy import Policy
@@ -21,13 +21,15 @@ _SUFFIXES = (".json", ".json.gz")
 class Contender:
     """A row of the table. specs: one for each seed, see `mrdamp.control.registry`; of a bound its name alone.
 
-    periods: of control, that it was tuned with, or each seed trained with; None: not known.
+    periods: of control, that it was tuned with, or each seed trained with; None: not known. repeated: how
+    many of the policies given were another one again, and are no seeds.
     """
 
     name: str
     specs: tuple[str, ...]
     bound: bool = False
     periods: int | None = 0
+    repeated: int = 0
 
     @property
     def learned(self) -> bool:
@@ -101,7 +103,11 @@ def _contender(
 
 def _policies(name: str, files: Sequence[Path]) -> Contender:
     periods = Policy.read(files[0]).about.get("timesteps")
-    return Contender(name, tuple(f"{registry.POLICY}:{f}" for f in files), periods=periods)
+    first: dict[str, Path] = {}
+    for file in files:
+        first.setdefault(digest([Policy.read(file).to_dict()]), file)
+    specs = tuple(f"{registry.POLICY}:{file}" for file in first.values())
+    return Contender(name, specs, periods=periods, repeated=len(files) - len(specs))
 
 
 def _files(path: Path) -> tuple[Path, ...]:

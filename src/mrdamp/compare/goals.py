@@ -20,6 +20,7 @@ from mrdamp.control.told import knowledge
 from mrdamp.envs.linear import LinearStructure
 from mrdamp.envs.linear_rows import forces_of
 from mrdamp.envs.loads import played
+from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 from mrdamp.motions import TIME_SCALE
 
@@ -101,7 +102,15 @@ class GoalBench(PlantBench):
         return [*own, s.models[0].to_dict()["model"], self.period, self.timestep]
 
     def forces(self, load: Any) -> Array:
-        return forces_of(self.structure, load)
+        """As of every bench, of a load that can be run at several amplitudes."""
+        forces = forces_of(self.structure, load).copy()
+        twice = forces_of(self.structure, load.scaled(2.0))
+        said = "scaled(2) has not twice the forces"
+        if not np.array_equal(forces_of(self.structure, load), forces):
+            said = "scaled(2) changes the load itself"
+        elif np.allclose(twice, 2.0 * forces, rtol=1e-6, atol=1e-9 * np.abs(forces).max()):
+            return forces
+        raise InputError(f"{load.name}: {said}; allowed: a new load with twice the forces")
 
     def key(self, spec: str, load: Any, amplitude: float) -> str:
         """Another one at every call: its code may read anything, so that no run is kept for later."""

@@ -16,7 +16,6 @@ import os
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +27,12 @@ from mrdamp.control.base import Controller
 from mrdamp.control.observe import Observer
 from mrdamp.control.told import Site, Told, ask, first_line, told
 from mrdamp.envs.task import Task
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_period
 from mrdamp.files import decode, read_bytes
 from mrdamp.outside import NAMED, named
 
 #: Makes the task of one row that a model was trained in, from arguments of its environment.
 MakeTask = Callable[..., Task]
-_PERIODS = 1e-5, 10.0  # s
 
 
 def at_rest(controller: Controller, names: Sequence[str]) -> None:
@@ -46,15 +44,15 @@ def at_rest(controller: Controller, names: Sequence[str]) -> None:
     controller.command(0.0, dict.fromkeys(names, 0.0))
 
 
-def require_period(what: str, period: Any) -> None:
-    """InputError unless a control period, s, is a number that a run can be made with. what: whose it is."""
-    if not isinstance(period, Real) or not _PERIODS[0] <= float(period) <= _PERIODS[1]:
-        raise InputError(f"{what}: period is {period!r}; allowed: {_PERIODS[0]:g} to {_PERIODS[1]:g} s")
-
-
 def is_own(what: str) -> bool:
     """Whether a name on the command line is a controller from outside the package."""
     return what.partition(",")[0].endswith(".zip") or NAMED.fullmatch(what) is not None
+
+
+def is_code(spec: str) -> bool:
+    """Whether a spec is Python code from outside the package."""
+    kind, _, rest = spec.partition(":")
+    return kind == registry.OWN and NAMED.fullmatch(rest) is not None
 
 
 def make(spec: str, site: Site, task: MakeTask) -> Told:
@@ -73,7 +71,7 @@ def files_of(spec: str) -> bytes:
         return read_bytes(Path(rest))
     if kind != registry.OWN:
         return b""
-    return os.urandom(16) if NAMED.fullmatch(rest) else b"".join(read_bytes(Path(part)) for part in rest.split(","))
+    return os.urandom(16) if is_code(spec) else b"".join(read_bytes(Path(part)) for part in rest.split(","))
 
 
 def _build(rest: str, task: MakeTask, site: Any) -> Controller:

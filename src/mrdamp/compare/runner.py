@@ -12,6 +12,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import joblib
 
+from mrdamp.compare.bench import digest
 from mrdamp.errors import InputError
 
 Progress = Callable[[str, float], None]
@@ -29,7 +30,8 @@ class Work(Protocol[Task]):  # type: ignore[misc]
 
 
 class Kept(Generic[Task]):
-    """Results by key in a file of JSON lines; None keeps them in memory alone. A damaged line is dropped."""
+    """Results by key in a file of JSON lines; None keeps them in memory alone. A damaged or
+    changed line is dropped."""
 
     def __init__(self, path: Path | None) -> None:
         self.path = path
@@ -43,7 +45,7 @@ class Kept(Generic[Task]):
         for line in text.splitlines():
             try:
                 entry = json.loads(line)
-                if entry["result"]:
+                if entry["result"] and entry["digest"] == digest([entry["key"], entry["result"]]):
                     self._found[entry["key"]] = entry["result"]
             except (ValueError, KeyError, TypeError):
                 continue
@@ -60,7 +62,8 @@ class Kept(Generic[Task]):
         if self.path is not None:
             try:
                 with self.path.open("a", encoding="utf-8") as stream:
-                    stream.write(json.dumps({"key": key, "result": result}) + "\n")
+                    line = {"key": key, "result": result, "digest": digest([key, result])}
+                    stream.write(json.dumps(line) + "\n")
             except OSError as error:
                 raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
 

@@ -148,6 +148,9 @@ class Policy:
         return self
 
     def command(self, t: float, y: Mapping[str, float]) -> Any:
+        missing = [name for name in self.observer.signals if name not in y]
+        if missing:
+            raise InputError(f"{self.whose}: it needs the measurement {missing[0]}; there are here: {', '.join(y)}")
         wrong = [name for name in self.observer.signals if not np.isfinite(y[name]).all()]
         if wrong:  # its memory would keep it for ever
             raise InputError(f"{self.whose}: the measurement {wrong[0]} is {y[wrong[0]]}; allowed: finite numbers")

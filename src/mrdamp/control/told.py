@@ -50,8 +50,8 @@ class Told:
         self._force.reset()
 
     def command(self, t: float, y: Mapping[str, float]) -> Any:
+        rows, (least, largest) = np.shape(next(iter(y.values()))), self.takes  # before: it may empty what it is given
         found = ask(self.name, self.inner.command, t, self._force(y))
-        rows, (least, largest) = np.shape(next(iter(y.values()))), self.takes
         try:
             values = finite("command", found, (self.dampers, *(rows or (1,))) if np.size(found) > 1 else (1, 1))
         except ValueError:  # InputError is one
