@@ -114,3 +114,10 @@ def test_a_policy_names_the_measurement_that_a_structure_lacks() -> None:
     policy = Policy.read(SHIPPED)
     first, *others = policy.observer.signals
     refuses(lambda: policy.command(0.0, dict.fromkeys(others, 0.0)), f"it needs the measurement {first}; there are")
+
+
+def test_a_class_that_takes_no_site_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "bare.py"
+    file.write_text("class Bare:\n    name, period = 'bare', 0.01\n    reset = command = print\n")
+    said = "bare.py:Bare: too many positional arguments; allowed: a class or function of the site"
+    refuses(lambda: compare(BENCH, contenders(BENCH, [f"mine={file}:Bare"], {}), [LOAD], [1.0]), said)

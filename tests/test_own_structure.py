@@ -222,7 +222,7 @@ def test_what_is_no_structure_gets_one_line(tmp_path: Path) -> None:
         # Poles of q'' - .2 q' + q = 0: .1 +- i (1 - .01)^.5.
         ("damping", np.diag([-0.2, 1.0]), r"damping is negative: .* unstable, a motion grows with 0.1 1/s"),
         ("stroke", np.zeros(2), "stroke is zero throughout"),
-        ("stroke", np.ones((2, 2)), "mass has the shape"),
+        ("stroke", np.ones((2, 2)), r"stroke has the shape \(2, 2\); allowed: \(n,\), of one damper"),
         ("stroke", [], "mass has the shape"),
         ("load", np.ones((3, 1)), r"load has the shape \(3, 1\); allowed .* \(2, loads\)"),
     ],

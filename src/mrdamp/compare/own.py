@@ -11,6 +11,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import json
 import os
 import pickle
@@ -78,6 +79,10 @@ def _build(rest: str, task: MakeTask, site: Any) -> Controller:
     if NAMED.fullmatch(rest) is None:
         return SavedPolicy(rest, task)
     made = named(rest, "controller")
+    try:
+        inspect.signature(made).bind(site)
+    except TypeError as error:
+        raise InputError(f"controller {rest}: {error}; allowed: a class or function of the site") from None
     found = ask(rest, made, copy.deepcopy(site))  # what it changes there is not the plant's
     if not isinstance(found, Controller):
         raise InputError(f"controller {rest}: it lacks some of name, period, reset and command (mrdamp.control.base)")

@@ -36,6 +36,8 @@ class Mechanics:
 
     def __post_init__(self) -> None:
         n = np.size(self.stroke)
+        if np.ndim(self.stroke) > 1:
+            raise InputError(f"mechanics: stroke has the shape {np.shape(self.stroke)}; allowed: (n,), of one damper")
         square = ("mass", "damping", "stiffness")
         for name in (*square, "stroke", "load"):
             shape = (n, n) if name in square else (n,)
@@ -45,7 +47,7 @@ class Mechanics:
                 values = np.array(getattr(self, name), dtype=np.float64)
             except (TypeError, ValueError):
                 raise InputError(f"mechanics: {name} is no array of real numbers; allowed: {shape}") from None
-            if not n or values.shape[: len(shape)] != shape or values.ndim > (1 if name == "stroke" else 2):
+            if not n or values.shape[: len(shape)] != shape or values.ndim > 2:
                 allowed = f"({n}, loads)" if name == "load" else shape
                 said = f"mechanics: {name} has the shape {values.shape}; allowed with {n} coordinates in stroke"
                 raise InputError(f"{said}: {allowed}")
