@@ -203,6 +203,7 @@ def test_a_training_that_was_stopped_goes_on_to_the_last_bit(tmp_path: Path) -> 
     whole.out.mkdir()
     whole.save()
     whole.state_file.write_text('{"curve": [{"timesteps": 0, "score": 1}], "seconds": 0}')
+    Policy.read(shipped_policies("frame")["learned"][0]).write(whole.out / "policy.json")
     resumed = made(tmp_path / "whole")
     for run in (whole, resumed):
         run.step()
