@@ -394,8 +394,7 @@ def test_the_best_controller_is_one_that_intervals_part_from_the_rest(less: floa
         for name, each in (("a", a), ("b", b))
     }
     rows = tuple(Contender(name, ("passive-on",)) for name in values)
-    weights = {"J1": 0.5, "J2": 0.5}
     names = tuple(f"m{k}" for k in range(6))
-    result = Comparison(rows, BENCH.measures, names, (1.0,), values, objective=weights)
+    result = Comparison(rows, BENCH.measures, names, (1.0,), values, objective={"J1": 0.5, "J2": 0.5})
     assert says in comparison_page(result, BENCH, "made").html()
     assert result.rated("a").mean() == pytest.approx(0.45 - less)

@@ -45,7 +45,7 @@ def test_a_load_that_comes_again_is_no_independent_one(bench: Bench) -> None:
     assert five.loads == ("sine_9.0", "sine_14.0")
     assert five.summary("constant", "shaking") == two.summary("constant", "shaking")
     assert two.notes == ()
-    assert five.notes == ("3 of 5 loads are others but for a factor, and left out",)
+    assert five.notes == ("3 of 5 loads repeat another up to a factor and are left out",)
 
 
 def test_another_speed_or_another_sample_makes_another_load(bench: Bench) -> None:
@@ -76,7 +76,7 @@ def test_of_two_records_a_source_makes_two_loads_and_says_that_tuning_had_them()
     found = compare(own, [TUNED], own.unseen_loads(), [1.0])
     assert sorted(found.loads) == ["sine_14.0", "sine_9.0"]
     repeated, known = found.notes
-    assert repeated == "4 of 6 loads are others but for a factor, and left out"
+    assert repeated == "4 of 6 loads repeat another up to a factor and are left out"
     assert known.startswith("controllers were tuned or policies chosen on sine_")
     assert len(compare(own, [CONSTANT], own.unseen_loads(), [1.0]).notes) == 1
 
@@ -105,7 +105,7 @@ def test_a_file_that_is_named_twice_is_told_of(tmp_path: Path, capsys: pytest.Ca
         *files,
     ]
     assert cli.main([*call, "-o", str(tmp_path / "out")]) == 0
-    note = "2 of 3 loads are others but for a factor, and left out"
+    note = "2 of 3 loads repeat another up to a factor and are left out"
     assert capsys.readouterr().err.count(f"mrdamp: {note}\n") == 1
     for page in ("index.html", "table.md"):
         assert f"Note: {note}." in (tmp_path / "out" / page).read_text()
@@ -244,4 +244,4 @@ def test_a_policy_given_twice_is_one_seed(tmp_path: Path, bench: Bench) -> None:
     assert rows[0].specs == (f"policy:{files[0]}", f"policy:{files[2]}")
     found = compare(bench, rows, [ONE], [1.0])
     assert found.values["mine"]["shaking"].shape == (2, 1, 1)
-    assert "2 of 4 policies of mine are others again, and left out" in found.notes
+    assert "2 of 4 policies of mine repeat another and are left out" in found.notes

@@ -132,7 +132,7 @@ def _notes(
     bench: Bench, contenders: Sequence[Contender], given: Sequence[Load], loads: Sequence[Load]
 ) -> Iterator[str]:
     if len(loads) < len(given):
-        yield f"{len(given) - len(loads)} of {len(given)} loads are others but for a factor, and left out"
+        yield f"{len(given) - len(loads)} of {len(given)} loads repeat another up to a factor and are left out"
     if any(c.periods for c in contenders):
         known = {bench.likeness(load) for load in bench.tuning_loads()}
         same = dict.fromkeys(load.name for load in loads if bench.likeness(load) in known)
@@ -143,7 +143,7 @@ def _notes(
         yield f"control periods other than {1e3 * bench.period:g} ms: {', '.join(said)}"
     for c in contenders:
         if c.repeated:
-            yield f"{c.repeated} of {len(c.specs) + c.repeated} policies of {c.name} are others again, and left out"
+            yield f"{c.repeated} of {len(c.specs) + c.repeated} policies of {c.name} repeat another and are left out"
         if c.learned and c.periods == 0:
             yield f"{c.name} is untrained: no evaluation of its training was better than its start's"
         about = Policy.read(c.specs[0].partition(":")[2]).about if c.learned else {}
