@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.constants import LAW, NOT_ITSELF
+from mrdamp.diagnosis.constants import CAUSE, LAW
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.penalties import gone, of_damper, unreferenced
 from mrdamp.diagnosis.evidence.verdict import decide
@@ -117,7 +117,7 @@ def test_a_gain_without_a_reference_adds_nothing_to_free_numbers_of_the_law(
     gain, mass = terms["sensor_gain"], terms["moving_mass"]
     held = made(gain, Hypothesis((), (gain,)).start(), 0.0101)
     free = replace(held, hypothesis=Hypothesis(rig.nominal, (gain,)))
-    assert [of_damper(rig, f) for f in (held, free)] == [0.0, 0.0 if channels else NOT_ITSELF]
+    assert [of_damper(rig, f) for f in (held, free)] == [0.0, 0.0 if channels else CAUSE]
     assert not unreferenced(rig, made(mass, Hypothesis((), (mass,)).start(), 0.01))
 
 

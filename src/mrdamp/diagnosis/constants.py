@@ -26,13 +26,10 @@ CELL_SCALE = 0.1
 TEMPER = 1.3
 #: The verdict is "no gap" up to this multiple of the noise floor, if no cause is established.
 NONE_ABOVE = 1.75
-#: Free nominal parameters that leave more than this share of the excess have the wrong form; slope of the probability
-#: (exponent of the ratio).
-UNKNOWN_ABOVE, STEEPNESS = 0.12, 2.0
+#: Free nominal parameters that leave more than this share of the excess have the wrong form.
+UNKNOWN_ABOVE = 0.12
 #: Additional penalty (nats) of a cause outside the catalogue: such causes are rarer than the catalogue's.
 OUTSIDE_PENALTY = 1.5
-#: Penalty (nats) of a cause whose fitted parameters make it equal to another cause.
-NOT_ITSELF = 6.0
 #: A mount that is so many times as stiff under the force as without is a clearance. In four opened measured sets whose
 #: clearance was named as a mount the factor is 11 (the largest of that form) or above 100; in the rigs with a compliant
 #: mount it is at most 4.
@@ -58,7 +55,8 @@ DIRECT_LEFT, DIRECT_RESOLUTION = 0.15, 0.5
 PARTS_LEFT = 0.05
 
 #: If every fit's cost is above this multiple of the noise's, the law is not the rig's or the cause is not in
-#: the catalogue: the search is narrower, and the answer says so. The value is a gap of twice the noise.
+#: the catalogue: the search is narrower, and the answer says so. Two runs of one test whose squared difference is above
+#: it do not repeat. The value is an error of twice the noise.
 INEXACT = 4.0
 #: Effects that add a hysteresis that a law lacks: play and phase to Bingham's, one that does not depend on the rate to
 #: the hyperbolic tangent's. If such a law is wrong, any law with that hysteresis fits as well, so these effects have
@@ -99,8 +97,6 @@ LAW_FORMS, LAW_NEEDLESS = frozenset({"shear_thinning", "heating"}), 0.4
 #: Number of independent samples that the error of a direct comparison of channels, or of a model of a stage's error,
 #: counts for, and the penalties (nats) of one cause and of each of its parameters.
 INDEPENDENT, CAUSE_PENALTY, NUMBER_PENALTY = 14.0, 4.3, 0.6
-#: Two runs of one test do not repeat if they differ by more than REPEATS times the noise of the high band.
-REPEATS = 1.75
 #: A measured current has the command's unit if the ratio of their sizes is within SAME_UNIT.
 SAME_UNIT = (0.8, 1.25)
 #: Two causes are tied if the rival's probability exceeds TIE_PROBABLE, or if the cosine of their changes exceeds

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
-from mrdamp.diagnosis.constants import EVIDENCE_GAIN, LAW, LOOPS, NOT_ITSELF
+from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, LAW, LOOPS
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.left_out import cells, ratio
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -22,7 +22,7 @@ _LOOKED_AT = 12
 
 def of_itself(found: Fit) -> float:
     """Penalty of a fit with a cause whose parameters make it another one."""
-    return NOT_ITSELF * gone(found)
+    return CAUSE * gone(found)
 
 
 def of_damper(rig: Rig, found: Fit, *, unsure: bool = False) -> float:
@@ -31,7 +31,7 @@ def of_damper(rig: Rig, found: Fit, *, unsure: bool = False) -> float:
     The nominal parameters are no simpler explanation than a gain of the sensor beside fixed ones: the two are reported
     as tied. unsure: neither the noise, which no fit reaches, nor baseline records show that the law is the rig's.
     """
-    penalty = NOT_ITSELF * (bool(found.hypothesis.nominal) and unreferenced(rig, found))
+    penalty = CAUSE * (bool(found.hypothesis.nominal) and unreferenced(rig, found))
     return penalty + (of_law(rig, found.hypothesis.causes) if unsure else 0.0)
 
 

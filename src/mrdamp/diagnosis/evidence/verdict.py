@@ -17,7 +17,6 @@ from mrdamp.diagnosis.constants import (
     LAW,
     NONE_ABOVE,
     OUTSIDE_PENALTY,
-    STEEPNESS,
     TEMPER,
     UNKNOWN_ABOVE,
     UNSTEADY,
@@ -164,8 +163,8 @@ def of_fit(found: Scored, free: tuple[float, float] = (0.0, 0.0)) -> float:
 
 def beyond(left: float) -> float:
     """Probability that free nominal parameters alone are not the cause, by the share of the excess that they leave."""
-    ratio = left / UNKNOWN_ABOVE
-    return float(ratio**STEEPNESS / (1 + ratio**STEEPNESS))
+    ratio = (left / UNKNOWN_ABOVE) ** 2
+    return float(ratio / (1 + ratio))
 
 
 def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tuple[str, ...], float]:

@@ -43,20 +43,17 @@ def worth_a_look(ranked: Sequence[ScoreTest], cost: float, *, second: bool = Fal
     return [p for p in ranked if p.cost <= (1 - share) * cost]
 
 
-def parents(ranked: Sequence[Fit], beam: int, floor: float, little: float) -> list[Fit]:
-    """Fits of one size, ordered by cost, that are extended by a cause.
+def parents(sets: Sequence[Fit], beam: int, floor: float, little: float) -> list[Fit]:
+    """Fits of one size, the best first and one for each set of causes, that are extended by a cause.
 
-    At most `beam` sets of causes, each in its best form, without those that leave much more than the best.
-    floor: cost of the noise. little: cost that counts as no gap.
+    At most `beam` of them, without those that leave much more than the best. floor: cost of the noise. little: cost that
+    counts as no gap.
     """
-    if not ranked:
+    if not sets:
         return []
-    least = max(ranked[0].cost - floor, 0.0)
+    least = max(sets[0].cost - floor, 0.0)
     most = floor * (1 + FLOOR_UNCERTAINTY) + max(_BEHIND * least, little)
-    first: dict[frozenset[str], Fit] = {}
-    for f in ranked:
-        first.setdefault(frozenset(f.hypothesis.causes), f)
-    return [f for f in list(first.values())[:beam] if f is ranked[0] or f.cost <= most]
+    return [f for f in sets[:beam] if f is sets[0] or f.cost <= most]
 
 
 def worth_a_fit(ranked: Sequence[ScoreTest], depth: int, limits: Limits) -> list[ScoreTest]:

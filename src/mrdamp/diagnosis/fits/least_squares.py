@@ -169,7 +169,7 @@ class _Descent:
             before = self.own
         elif not self.exact:
             runs, before = self.rough, self.rough_run()
-        self.at, self.j = self.q, _jacobian(runs, self.hypothesis, self.q, before, known)
+        self.j = _jacobian(runs, self.hypothesis, self.q, before, known)
         self.fresh = known is None
 
     def run(self, most: int, tolerance: float, bar: float) -> None:
@@ -263,13 +263,8 @@ class _Descent:
 
     def fit(self, most: int) -> Fit:
         """The fit at the present point."""
-        converged = self.converged or most == 0
-        point, cost = self.q, float(self.r @ self.r)
-        if self.stepper is not self.rough:  # the Jacobian of coarse runs, as of fits that end on them
-            self.stepper, self.q = self.rough, self.at
-            self.own = self.rough_run()
-            self.look()
-        return Fit(self.hypothesis, point, cost, self.r, self.j, self.iterations, converged)
+        converged, cost = self.converged or most == 0, float(self.r @ self.r)
+        return Fit(self.hypothesis, self.q, cost, self.r, self.j, self.iterations, converged)
 
 
 def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> Array:

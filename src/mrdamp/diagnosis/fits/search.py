@@ -180,9 +180,7 @@ class Search(FitTable):
         """Adds a cause to the best sets of one fewer. limits: numbers of causes and forms; None: the search's
         own."""
         limits = limits or self.limits
-        smaller = [f for f in self.ranked(free) if len(f.hypothesis.causes) == depth - 1]
-        if self.inexact:
-            smaller.sort(key=self._log_cost)
+        smaller = self.sets(free, depth - 1, self._log_cost if self.inexact else None)
         least = np.inf  # least cost found with a better parent
         for parent in parents(smaller, limits.beam, self.floor, SOLVED * self.excess):
             taken = set(parent.hypothesis.causes)

@@ -295,12 +295,12 @@ class FitTable:
             key=lambda f: (f.cost, f.hypothesis.name),
         )
 
-    def sets(self, free: bool, count: int) -> list[Fit]:
-        """The best fit of each set of `count` causes, by cost."""
+    def sets(self, free: bool, count: int, by: Callable[[Fit], float] | None = None) -> list[Fit]:
+        """The best fit of each set of `count` causes, by cost or `by` another figure."""
+        ranked = [f for f in self.ranked(free) if len(f.hypothesis.causes) == count]
         first: dict[frozenset[str], Fit] = {}
-        for f in self.ranked(free):
-            if len(f.hypothesis.causes) == count:
-                first.setdefault(frozenset(f.hypothesis.causes), f)
+        for f in sorted(ranked, key=by) if by else ranked:
+            first.setdefault(frozenset(f.hypothesis.causes), f)
         return list(first.values())
 
     def smallest(self, free: bool, causes: Iterable[str]) -> Fit | None:

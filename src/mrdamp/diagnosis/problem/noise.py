@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.constants import REPEATS
+from mrdamp.diagnosis.constants import INEXACT
 from mrdamp.diagnosis.hypotheses.terms import Settings
 from mrdamp.diagnosis.problem.residuals import Problem, compared
 from mrdamp.diagnosis.problem.rig import Rig
@@ -65,7 +65,7 @@ def repeatable(noise: Noise, case: Case, rig: Rig, block: int = 1) -> tuple[Nois
     if noise.source != "repeat":
         return replace(noise, levels=white, varying=white), []
     for c, name in enumerate(rig.channels):
-        if noise.varying[c] > REPEATS * white[c] > 0:
+        if noise.varying[c] ** 2 > INEXACT * white[c] ** 2 > 0:
             ratio = noise.varying[c] / white[c]
             notes.append(
                 f"{name} does not repeat: two runs of one test differ by {ratio:.1f} times its noise"
