@@ -46,8 +46,8 @@ def worth_a_look(ranked: Sequence[ScoreTest], cost: float, *, second: bool = Fal
 def parents(sets: Sequence[Fit], beam: int, floor: float, little: float) -> list[Fit]:
     """Fits of one size, the best first and one for each set of causes, that are extended by a cause.
 
-    At most `beam` of them, without those that leave much more than the best. floor: cost of the noise. little: cost that
-    counts as no gap.
+    At most `beam` of them, without those that leave much more than the best. floor: cost of the noise. little: cost
+    that counts as no gap.
     """
     if not sets:
         return []
