@@ -4,7 +4,7 @@ VENV ?= .venv
 PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
 bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check install -qq -c constraints.txt
-cpp := $(wildcard CMakeLists.txt src/mrdamp/blindtest/rig.c plugin_cpp/mrdamp.h plugin_cpp/*/*.cc plugin_cpp/*/*.h plugin_cpp/*/*.def)
+cpp := $(wildcard CMakeLists.txt plugin_cpp/mrdamp.h plugin_cpp/*/*.cc plugin_cpp/*/*.h plugin_cpp/*/*.def)
 cpp_tests := BIN=$(bin) tools/cpp_tests.sh
 fuzz_seconds ?= 60
 # Pictures without a display where EGL is there; else MuJoCo's own choice.

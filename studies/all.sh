@@ -4,29 +4,29 @@ set -eu
 cd "$(dirname "$0")/.."
 python="$BIN/python" policies=src/mrdamp/data/policies/frame
 
-"$python" studies/car_front.py
-"$python" studies/preview_study.py --amplitudes 1 --seconds 0 0.02 0.05 0.1 0.3 1 \
+"$python" -m studies.car_front
+"$python" -m studies.preview_study --amplitudes 1 --seconds 0 0.02 0.05 0.1 0.3 1 \
   --controllers passive-on force-tracking-tuned learned adjoint -o out/compare
-"$python" studies/forecast_study.py --ahead "" 0 0,5,10,15,20 -o out/forecast.md
+"$python" -m studies.forecast_study --ahead "" 0 0,5,10,15,20 -o out/forecast.md
 for kind in learned adjoint; do
-  "$python" studies/policy_noise.py "$policies/$kind"/*.json
-  "$python" studies/policy_robustness.py "$policies/$kind"/*.json
-  "$python" studies/policy_robustness.py --sensor-lag 0.003 --effects sensor_lag -- "$policies/$kind"/*.json
+  "$python" -m studies.policy_noise "$policies/$kind"/*.json
+  "$python" -m studies.policy_robustness "$policies/$kind"/*.json
+  "$python" -m studies.policy_robustness --sensor-lag 0.003 --effects sensor_lag -- "$policies/$kind"/*.json
 done
-"$python" studies/next_test_study.py --seed 20 --rounds 3 -o out/next_test \
+"$python" -m studies.next_test_study --seed 20 --rounds 3 -o out/next_test \
   --effects driver_lag command_delay remanence saturation moving_mass gas_spring trapped_gas channel_shift sensor_lag asymmetry
-"$BIN/mrdamp" blindtest out/misfit --misfit --cases 200 --jobs 2 --timeout 900
-"$python" studies/interval_coverage.py out/misfit
+"$python" -m studies.blindtest out/misfit --misfit --cases 200 --jobs 2 --timeout 900
+"$python" -m studies.interval_coverage out/misfit
 
 data=${MRDAMP_DATA:-../shared/data}
 if [ ! -d "$data" ]; then
   echo "studies: no measured records in $data; the studies on them are left out"
   exit
 fi
-"$python" studies/measured_studies.py
-"$python" studies/spike_bench.py out/bench --seed 25 --cases 30 --controls 8
+"$python" -m studies.measured_studies
+"$python" -m studies.spike_bench out/bench --seed 25 --cases 30 --controls 8
 for case in out/bench/cases/*; do
   answer=out/bench/answers/$(basename "$case")
   [ -e "$answer/diagnosis.json" ] || "$BIN/mrdamp" diagnose "$case" -o "$answer"
 done
-"$python" studies/bench_table.py out/bench --misses
+"$python" -m studies.bench_table out/bench --misses

@@ -1,8 +1,8 @@
-"""Figures of scored benches with 95 % intervals, as a table: `python studies/bench_table.py ROWS.json|FOLDER ...`.
+"""Figures of scored benches with 95 % intervals, as a table: `python -m studies.bench_table ROWS.json|FOLDER ...`.
 
-ROWS.json: rows that `mrdamp blindtest` or --save wrote. FOLDER: a bench of studies/spike_bench.py with the answers of
-`mrdamp diagnose` in answers/CASE, which are scored first. Several are pooled. studies/rows/measured.json
-holds rows of docs/diagnosis/README.md.
+ROWS.json: rows that `studies.blindtest` or --save wrote. FOLDER: a bench of `studies.spike_bench` with the answers of
+`mrdamp diagnose` in answers/CASE, which are scored first. Several are pooled. studies/rows/measured.json holds rows of
+docs/diagnosis/README.md.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamp.blindtest import misfit_score, rows_file, score
-from mrdamp.blindtest.run import predicted
-from mrdamp.blindtest.score import Row, Share
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from studies.blindtest import misfit_score, rows_file, score
+from studies.blindtest.run import predicted
+from studies.blindtest.score import Row, Share
 
 Group = Sequence[Row]
 

@@ -1,4 +1,4 @@
-"""Draws weighted acceleration over tyre load of the quarter car: `python studies/car_front.py [FOLDER ...]`.
+"""Draws weighted acceleration over tyre load of the quarter car: `python -m studies.car_front [FOLDER ...]`.
 
 Twenty validation roads on the chain; every point is a setting, its mean over the roads relative to the linear
 suspension. FOLDER: further trainings of `mrdamp train mrdamp/QuarterCar-v0 --algo es`, besides the shipped ones; a

@@ -1,6 +1,6 @@
 """What the shipped `adjoint` gains by further training, without and with a part of the ground motion known in advance.
 
-    python studies/forecast_study.py [--ahead MS[,MS...] ...] [--seeds N] [--steps N] [-o out/forecast.md]
+    python -m studies.forecast_study [--ahead MS[,MS...] ...] [--seeds N] [--steps N] [-o out/forecast.md]
 
 Every training goes on from a shipped seed with 21 motions a step; the ground's acceleration so many milliseconds later
 is given to the network besides its observations, without noise. Peaks are means over 12 motions at 7 amplitudes on the

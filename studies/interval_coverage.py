@@ -1,6 +1,6 @@
-"""How often 95 % intervals of named causes contain the true value: `python studies/interval_coverage.py OUT ...`.
+"""How often 95 % intervals of named causes contain the true value: `python -m studies.interval_coverage OUT ...`.
 
-OUT: folder of a bench (`mrdamp blindtest --misfit`, `studies/spike_bench.py`) with labels.json and answers/. Counted
+OUT: folder of a bench (`studies.blindtest --misfit`, `studies.spike_bench`) with labels.json and answers/. Counted
 are parameters of answers with the right single cause that mean the same in the bench's rig and in the catalogue. The
 error is the median of |estimate - true| / |true|.
 """
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mrdamp.blindtest.score import Share
+from studies.blindtest.score import Share
 
 #: Size in a label (a place's number removed) -> effect and its parameter; the second group is that of measured records.
 SAME: Mapping[str, tuple[str, str]] = {

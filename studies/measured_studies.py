@@ -1,4 +1,4 @@
-"""Diagnoses simulators that lack something on measured records: `python studies/measured_studies.py [NAME ...]`.
+"""Diagnoses simulators that lack something on measured records: `python -m studies.measured_studies [NAME ...]`.
 
 Each study identifies a law without an effect that its rig has, diagnoses it on the training records, and evaluates
 the corrected simulator on the validation records, which neither step used. Writes out/measured/NAME/ (model, case,

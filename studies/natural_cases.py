@@ -1,4 +1,4 @@
-"""Draws natural cases: `python studies/natural_cases.py OUT.json [--cases 40] [--seed 1]`.
+"""Draws natural cases: `python -m studies.natural_cases OUT.json [--cases 40] [--seed 1]`.
 
 Measured rigs as they are, in other laws, dependences on the command, and splits of the records than those that the
 diagnosis was developed on. OUT.json is a list for `shared/cases/natural.py`, which identifies, diagnoses and judges.

@@ -1,6 +1,6 @@
-"""Does the proposed test resolve what the records leave open? `python studies/next_test_study.py -o out/next_test`.
+"""Does the proposed test resolve what the records leave open? `python -m studies.next_test_study -o out/next_test`.
 
-Makes cases on the reference rig (`mrdamp.blindtest`, which shares no code with the simulator), cut down to their sines
+Makes cases on the reference rig (`studies.blindtest`, which shares no code with the simulator), cut down to their sines
 at constant command, and diagnoses them. Where the cause is left open, that rig runs the proposed test and tests drawn
 at random from the same family, of the same length and within the same limits. After each of them the
 causes that were left open are fitted again, to the old records and the new one. Finished cases are kept in OUT and
@@ -23,12 +23,6 @@ from matplotlib.lines import Line2D
 from scipy.interpolate import CubicSpline
 from scipy.stats import binomtest
 
-from mrdamp.blindtest import causes, damper_case, dampers, excitation, recorder
-from mrdamp.blindtest.bench import Truth, damper_channels, nominal_damper
-from mrdamp.blindtest.excitation import GRID_HZ, Excitation
-from mrdamp.blindtest.rig import Array, BlownUp
-from mrdamp.blindtest.scale import Sized
-from mrdamp.blindtest.sizing import Task, pooled, relative, size_for
 from mrdamp.commands.output import save_picture
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.damper_run import judge
@@ -46,6 +40,12 @@ from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.files import write_atomic
 from mrdamp.pictures.style import COLOURS, REFERENCE, axes_grid, figure, legend, styled
+from studies.blindtest import causes, damper_case, dampers, excitation, recorder
+from studies.blindtest.bench import Truth, damper_channels, nominal_damper
+from studies.blindtest.excitation import GRID_HZ, Excitation
+from studies.blindtest.rig import Array, BlownUp
+from studies.blindtest.scale import Sized
+from studies.blindtest.sizing import Task, pooled, relative, size_for
 
 #: The gap that a cause opens on tests with a changing command.
 _GAP = 0.15

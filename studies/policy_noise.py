@@ -1,6 +1,6 @@
 """Policies of the frame under noise of their sensors: peak drift and peak acceleration on 12 motions at 7 amplitudes.
 
-    python studies/policy_noise.py [--noise S ...] POLICY.json ...
+    python -m studies.policy_noise [--noise S ...] POLICY.json ...
 
 White noise on every measurement, S times the observer's unit of it (5 m/s2, 4.3 mm, 1.4 kN), on the chain at 1 ms. The
 policies are seeds of one training. Prints the means over motions and seeds, and the mean of both less passive-on's,

@@ -1,6 +1,6 @@
-"""Policies on the real frames of `mrdamp gap`: the score less passive-on's, with 95 % intervals over motions and seeds.
+"""Policies on the real frames of `studies.gap`: the score less passive-on's, 95 % intervals over motions and seeds.
 
-    python studies/policy_robustness.py [--as-trained | --sensor-lag S] [--effects NAME ...] [--loads N] POLICY.json ...
+    python -m studies.policy_robustness [--as-trained | --sensor-lag S] [--effects NAME ...] [--loads N] POLICY.json ...
 
 The rig shares no code with the plugin, has no driver lag but with `driver_lag`, and one effect at a time. --as-trained:
 without the lag that a policy is given on a faster driver (`Policy.matched`). --sensor-lag: that of the force sensor, as
@@ -20,8 +20,8 @@ from mrdamp.control.base import Controller
 from mrdamp.control.passive import passive_on
 from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
-from mrdamp.gap.real import EFFECTS, NONE, RealFrame
-from mrdamp.gap.scenario import Scenario, nominal_frame
+from mrdamp.gap.scenario import Options, Scenario, nominal_frame
+from studies.gap.real import EFFECTS, NONE, RealFrame
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     a = p.parse_args(arguments)
     try:
         policies = [Policy.read(file) for file in a.policies]
-        scenario = Scenario(nominal_frame(), "constant", a.loads, 1, 0)
+        scenario = Scenario(nominal_frame(), Options("constant", a.loads))
         if not a.as_trained:
             policies = [q.matched(scenario.nominal.command_lag, a.sensor_lag) for q in policies]
     except InputError as error:

@@ -1,6 +1,6 @@
 """Share of the way to the clairvoyant command over the time that the ground motion is known ahead, of the frame.
 
-    python studies/preview_study.py [--motions FILE ... --amplitudes A ...] [--seconds S ...] -o out/compare
+    python -m studies.preview_study [--motions FILE ... --amplitudes A ...] [--seconds S ...] -o out/compare
 
 Commands are planned again and again through the rows from the true state, with the motion known for S seconds ahead
 and at rest behind (`receding.py`). Every run is kept in the folder, which may be that of `mrdamp compare
@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from receding import Receding
 
 from mrdamp.commands.output import progress_bar, save_picture
 from mrdamp.compare import tuning
@@ -41,6 +40,7 @@ from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.motions import GroundMotion
 from mrdamp.pictures import style
+from studies.receding import Receding
 
 SECONDS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.3, 1.0)
 TITLES = {"clairvoyant": "both", "clairvoyant-drift": "drift", "clairvoyant-acceleration": "acceleration"}

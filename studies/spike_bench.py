@@ -1,4 +1,4 @@
-"""Makes a bench of spiked measured records: `python studies/spike_bench.py OUT [--cases 45] [--seed 1] ...`.
+"""Makes a bench of spiked measured records: `python -m studies.spike_bench OUT [--cases 45] [--seed 1] ...`.
 
 A known effect is put exactly into records of real dampers; the simulator was identified on the untouched records, so
 that its law is not the rig's. With --bent it was identified on the records that have the effect. Writes

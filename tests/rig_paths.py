@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mrdamp.blindtest import bench, rig
-from mrdamp.blindtest.bench import Truth
-from mrdamp.blindtest.rig import RATE_HZ, Array
+from studies.blindtest import bench, rig
+from studies.blindtest.bench import Truth
+from studies.blindtest.rig import RATE_HZ, Array
 
 DASHPOT = {"law": 0.0, "c0a": 1000.0, "v_ref": 1.0}
 #: A yield force of 100 N per ampere.

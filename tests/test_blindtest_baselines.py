@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp.blindtest import baselines, causes, damper_case, run, sparse
-from mrdamp.blindtest.rig import Array
-from mrdamp.blindtest.sizing import Task
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.model import Model
 from mrdamp.records import Record
+from studies.blindtest import baselines, causes, damper_case, run, sparse
+from studies.blindtest.rig import Array
+from studies.blindtest.sizing import Task
 
 BINGHAM = Model("bingham", {"c0a": 600.0, "c0b": 500.0, "fya": 60.0, "fyb": 500.0, "v_ref": 0.02})
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.special import jn_zeros
 
-from mrdamp.blindtest import bench, rig
-from mrdamp.blindtest.bench import Truth
-from mrdamp.blindtest.excitation import GRID_HZ, Excitation
-from mrdamp.blindtest.rig import RATE_HZ, Array
 from rig_paths import DASHPOT, NOTHING, YIELD, at, clock, held, moved, on_the_way, sensed, steady
+from studies.blindtest import bench, rig
+from studies.blindtest.bench import Truth
+from studies.blindtest.excitation import GRID_HZ, Excitation
+from studies.blindtest.rig import RATE_HZ, Array
 
 
 # --- driver and magnetics ----------------------------------------------------------------------

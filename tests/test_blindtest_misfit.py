@@ -14,7 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp.blindtest import (
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+from mrdamp.records import read_record
+from studies.blindtest import __main__ as command
+from studies.blindtest import (
     case_sampling,
     causes,
     commissioning,
@@ -27,16 +31,12 @@ from mrdamp.blindtest import (
     seal,
     unknown,
 )
-from mrdamp.blindtest.bench import Truth, damper_channels
-from mrdamp.blindtest.excitation import Excitation
-from mrdamp.blindtest.make import make_one
-from mrdamp.blindtest.rig import Array
-from mrdamp.blindtest.score import Row
-from mrdamp.blindtest.sizing import OWN, Task, total
-from mrdamp.commands import blindtest as command
-from mrdamp.errors import InputError
-from mrdamp.model import Model
-from mrdamp.records import read_record
+from studies.blindtest.bench import Truth, damper_channels
+from studies.blindtest.excitation import Excitation
+from studies.blindtest.make import make_one
+from studies.blindtest.rig import Array
+from studies.blindtest.score import Row
+from studies.blindtest.sizing import OWN, Task, total
 
 SHARED = Path(__file__).parents[2] / "shared" / "cases" / "score.py"
 Made = tuple[Path, Path, dict[str, object]]
@@ -347,9 +347,5 @@ def test_generation_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest
 
 
 def test_command_has_the_option() -> None:
-    import argparse
-
-    parser = argparse.ArgumentParser()
-    command.add_to(parser.add_subparsers())
-    assert parser.parse_args(["blindtest", "x", "--misfit"]).misfit is True
-    assert parser.parse_args(["blindtest", "x"]).misfit is False
+    assert command.parser().parse_args(["x", "--misfit"]).misfit is True
+    assert command.parser().parse_args(["x"]).misfit is False

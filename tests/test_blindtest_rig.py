@@ -10,11 +10,11 @@ from scipy.linalg import expm
 
 from dampers import rms
 from excitation import Motion, constant, sine
-from mrdamp.blindtest import bench, dampers, rig
-from mrdamp.blindtest.bench import Truth
-from mrdamp.blindtest.excitation import GRID_HZ, Excitation
-from mrdamp.blindtest.rig import RATE_HZ, Array
 from rig_paths import DASHPOT, YIELD, clock, held, on_the_way, sensed, steady
+from studies.blindtest import bench, dampers, rig
+from studies.blindtest.bench import Truth
+from studies.blindtest.excitation import GRID_HZ, Excitation
+from studies.blindtest.rig import RATE_HZ, Array
 from twins import simulate
 
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from modules import loaded
-from mrdamp.blindtest import report, run, score, seal
-from mrdamp.blindtest.score import Row, Share
-from mrdamp.cli import main as mrdamp
 from mrdamp.errors import InputError
+from studies.blindtest import report, run, score, seal
+from studies.blindtest.__main__ import main
+from studies.blindtest.score import Row, Share
 
 SHARED = Path(__file__).parents[2] / "shared" / "cases"
 LABELS = {"case_001": {"label": "driver_lag", "stages": ["driver"]}}
@@ -231,21 +231,21 @@ def test_late_diagnosis_is_stopped(tmp_path: Path) -> None:
 def test_bad_arguments(
     arguments: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert mrdamp(["blindtest", str(tmp_path / "out"), *arguments]) == 2
+    assert main([str(tmp_path / "out"), *arguments]) == 2
     assert told in capsys.readouterr().err
 
 
 @pytest.mark.slow
 def test_cases_are_sealed_and_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "blind"
-    arguments = ["blindtest", str(out), "--cases", "1", "--rig", "frame", "--cases-only", "--seed", "1"]
-    assert mrdamp(arguments) == 0
+    arguments = [str(out), "--cases", "1", "--rig", "frame", "--cases-only", "--seed", "1"]
+    assert main(arguments) == 0
     digest = (out / "labels.sha256").read_text().strip()
     assert digest in capsys.readouterr().out
     assert not (out / "labels.json").exists()
-    assert mrdamp(arguments) == 0
+    assert main(arguments) == 0
     assert digest in capsys.readouterr().out
-    other = [*arguments[:3], "2", *arguments[4:]]
+    other = [*arguments[:2], "2", *arguments[3:]]
     (out / "sealed" / "labels.sealed").unlink()
-    assert mrdamp(other) == 2
+    assert main(other) == 2
     assert "another folder" in capsys.readouterr().err

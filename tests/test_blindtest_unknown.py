@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from mrdamp.blindtest import bench, causes, dampers, frame_causes, rig, unknown
-from mrdamp.blindtest.bench import Truth
-from mrdamp.blindtest.excitation import GRID_HZ, Excitation
-from mrdamp.blindtest.rig import RATE_HZ, Array
-from mrdamp.blindtest.scale import Form, Scale
 from rig_paths import NOTHING, PLAIN, YIELD, at, clock, held, moved, on_the_way, sensed, steady
+from studies.blindtest import bench, causes, dampers, frame_causes, rig, unknown
+from studies.blindtest.bench import Truth
+from studies.blindtest.excitation import GRID_HZ, Excitation
+from studies.blindtest.rig import RATE_HZ, Array
+from studies.blindtest.scale import Form, Scale
 
 
 # --- outside the catalogue -----------------------------------------------------------------------------

@@ -10,18 +10,19 @@ import numpy as np
 import pytest
 
 from chromium import Tab, browser, executable
-from mrdamp.blindtest import report as blindtest
-from mrdamp.blindtest.score import Row as Case
 from mrdamp.cli import main
 from mrdamp.compare import dyke1996
 from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.report.page import page as diagnosis_page
 from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Step, Where
-from mrdamp.gap.page import page as gap_page
-from mrdamp.gap.study import CRITERIA, Row, Study
+from mrdamp.gap.scenario import CRITERIA
 from mrdamp.model import Effect, Model
 from mrdamp.motions import kanai_tajimi
 from mrdamp.records import embedded
+from studies.blindtest import report as blindtest
+from studies.blindtest.score import Row as Case
+from studies.gap.page import page as gap_page
+from studies.gap.study import Row, Study
 
 pytestmark = [
     pytest.mark.slow,

@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from mrdamp.blindtest import rig as reference
-from mrdamp.blindtest.bench import Truth, damper_channels, logged
-from mrdamp.blindtest.excitation import GRID_HZ, Excitation
 from mrdamp.diagnosis.attribution.interfaces import parts
 from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
@@ -29,6 +26,9 @@ from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
+from studies.blindtest import rig as reference
+from studies.blindtest.bench import Truth, damper_channels, logged
+from studies.blindtest.excitation import GRID_HZ, Excitation
 from toy_rig import ToyRig, toy
 
 LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}

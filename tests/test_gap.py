@@ -14,23 +14,24 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from mrdamp.blindtest.rig import RATE_HZ
-from mrdamp.cli import main
 from mrdamp.compare.motions import tuning_motions, unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.passive import Constant
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.errors import InputError
-from mrdamp.gap import measured, real
-from mrdamp.gap.closed_loop import write_case
+from mrdamp.gap import measured
 from mrdamp.gap.learned import Learning, straightened
-from mrdamp.gap.page import gap_rows, page, score_rows, ways
-from mrdamp.gap.scenario import Scenario, nominal_frame
-from mrdamp.gap.study import CRITERIA, Options, Row, Study, study
+from mrdamp.gap.scenario import CRITERIA, Scenario, nominal_frame
 from mrdamp.model import Effect, Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.stepping import run_frame
 from mrdamp.structures import ShearFrame
+from studies.blindtest.rig import RATE_HZ
+from studies.gap import real
+from studies.gap.__main__ import main
+from studies.gap.closed_loop import write_case
+from studies.gap.page import gap_rows, page, score_rows, ways
+from studies.gap.study import Options, Row, Study, study
 
 
 class Switching:
@@ -263,12 +264,12 @@ def test_a_learned_controller_is_trained_in_the_simulator_that_it_is_given(tmp_p
 def test_finished_real_frames_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
 
-    def once(scenario: object, setup: object, cause: str, *rest: object) -> Row:
+    def once(scenario: object, setup: object, options: object, cause: str, *rest: object) -> Row:
         made.append(cause)
         return row(cause, (cause,), retuned=0.5)
 
     monkeypatch.setattr(
-        sys.modules["mrdamp.gap.study"], "_row", once
+        sys.modules["studies.gap.study"], "_row", once
     )  # the package calls its function so too
     monkeypatch.setattr(Scenario, "tune", lambda scenario, plants, site, progress=None: Constant(1.0))
     options = Options(effects=("driver_lag", "saturation"), loads=1, draws=1)
@@ -293,7 +294,7 @@ def test_a_softer_storey_is_found_in_closed_loop_and_most_of_the_gap_closes(tmp_
 def test_one_motion_has_no_interval(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = Study("constant", 0.5, 0.004, (replace(row("saturation", ()), interval=None),))
     assert gap_rows(found)[0][-1] == "one motion: none"
-    monkeypatch.setattr(sys.modules["mrdamp.gap.study"], "diagnose", lambda case, jobs: answer(nominal_frame(), ()))
+    monkeypatch.setattr(sys.modules["studies.gap.study"], "diagnose", lambda case, jobs: answer(nominal_frame(), ()))
     monkeypatch.setattr(Scenario, "tune", lambda scenario, plants, site, progress=None: Constant(1.0))
     options = Options("constant:value=1", effects=("saturation",), loads=1, draws=1)
     (kept,) = study(options, tmp_path).rows
@@ -303,7 +304,7 @@ def test_one_motion_has_no_interval(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 def test_a_motion_is_the_same_in_another_process() -> None:
     """A tuning over processes scores copies of the motions."""
-    scenario = Scenario(nominal_frame(), "constant:value=1", 1, 1, 1)
+    scenario = Scenario(nominal_frame(), Options("constant:value=1", loads=1))
     copy = pickle.loads(pickle.dumps(scenario))
     assert copy.score([copy.criteria(copy.nominal, Constant(1.0), copy.loads[0])]) == scenario.score(
         [scenario.criteria(scenario.nominal, Constant(1.0), scenario.loads[0])]
@@ -335,7 +336,7 @@ def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
     assert (found.verdict, found.named) == ("effect", ("storey_stiffness@1",))
     load = unseen_motions()[0].compressed(TIME_SCALE)
     peaks = [np.abs(run_frame(m, load, Constant(1.0)).drift).max() for m in (nominal, *softer)]
-    scenario = Scenario(nominal, "constant:value=1", 1, 1, 1)
+    scenario = Scenario(nominal, Options("constant:value=1", loads=1))
     before, after = (scenario.criteria(m, Constant(1.0), scenario.loads[0]) for m in (nominal, softer[0]))
     assert before.peak_drift.max() == pytest.approx(peaks[0])
     errors = [
@@ -356,7 +357,7 @@ def test_frames_that_a_gap_study_cannot_take(tmp_path: Path, capsys: pytest.Capt
     nominal, ones = nominal_frame(), np.ones(2)
     small = replace(nominal, structure=ShearFrame(ones, ones, ones, (0, 1)), name="small")
     small.write(tmp_path / "small.json")
-    assert main(["gap", "--model", str(tmp_path / "small.json"), "-o", str(tmp_path / "out")]) != 0
+    assert main(["--model", str(tmp_path / "small.json"), "-o", str(tmp_path / "out")]) != 0
     assert "three storeys" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     case = SimpleNamespace(name="bench", model=replace(nominal, rig="damper", structure=None), records=())

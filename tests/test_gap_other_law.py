@@ -8,20 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp import cli
-from mrdamp.blindtest.commissioning import MISFIT
 from mrdamp.compare.motions import tuning_motions
 from mrdamp.control.passive import Constant
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.errors import InputError
-from mrdamp.gap.closed_loop import write_case
-from mrdamp.gap.other_law import OtherLaw, other_law
-from mrdamp.gap.page import page
-from mrdamp.gap.real import EFFECTS, NONE, RealFrame
-from mrdamp.gap.scenario import nominal_frame
-from mrdamp.gap.study import CRITERIA, Options, Row, Study
+from mrdamp.gap.scenario import CRITERIA, nominal_frame
 from mrdamp.motions import GroundMotion
 from mrdamp.simulation.stepping import run_frame
+from studies.blindtest.commissioning import MISFIT
+from studies.gap.__main__ import main
+from studies.gap.closed_loop import write_case
+from studies.gap.other_law import OtherLaw, other_law
+from studies.gap.page import page
+from studies.gap.real import EFFECTS, NONE, RealFrame
+from studies.gap.study import Options, Row, Study
 
 SEED = 4
 
@@ -85,7 +85,7 @@ def test_a_frame_without_an_effect_is_offered_beside_another_law_alone(
     assert Options(effects=(NONE, *EFFECTS), misfit=True).effects[0] == NONE
     with pytest.raises(InputError, match="none"):
         Options(effects=(NONE,))
-    assert cli.main(["gap", "--effects", "none", "-o", str(tmp_path / "out")]) == 2
+    assert main(["--effects", "none", "-o", str(tmp_path / "out")]) == 2
     line = capsys.readouterr().err.strip()
     assert "no effect 'none'" in line
     assert "\n" not in line

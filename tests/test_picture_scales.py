@@ -9,10 +9,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from mrdamp.errors import InputError
-from mrdamp.pictures.blindtest import shrinking
 from mrdamp.pictures.bound import Share, search_paths, shares
 from mrdamp.pictures.compare import Bar, ranking
 from mrdamp.pictures.diagnosis import probabilities
+from studies.blindtest.pictures import shrinking
 
 
 def written(fig: Figure, axis: str) -> list[str]:

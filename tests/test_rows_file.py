@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from modules import STUDIES, loaded
-from mrdamp.blindtest import rows_file
-from mrdamp.blindtest.score import Row
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from studies.blindtest import rows_file
+from studies.blindtest.score import Row
 
 tool = loaded(STUDIES / "bench_table.py")
 

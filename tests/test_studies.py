@@ -21,10 +21,6 @@ pytestmark = pytest.mark.slow
 POLICIES = resources.files("mrdamp") / "data" / "policies" / "frame"
 
 
-@pytest.fixture(autouse=True)
-def _beside(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(STUDIES))  # a study imports studies beside it
-
 
 def test_what_is_known_ahead_counts_for_nothing_before_it_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("torch")

@@ -27,7 +27,7 @@ FILE = ROOT / "docs" / "pictures" / "packages.svg"
 #: Group -> its packages and modules right below `mrdamp`.
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "command line": ("__main__", "api", "cli", "commands", "demo"),
-    "diagnosis": ("diagnosis", "gap", "blindtest"),
+    "diagnosis": ("diagnosis", "gap"),
     "learning, comparison": ("envs", "train", "compare"),
     "control": ("control", "inverse"),
     "identification": ("identify", "narx"),

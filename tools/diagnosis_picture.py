@@ -13,8 +13,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from mrdamp.blindtest.score import Share
 from mrdamp.pictures.style import COLOURS, axes_grid, figure, styled
+from studies.blindtest.score import Share
 
 _DOCS = Path(__file__).resolve().parents[1] / "docs"
 _PANELS = ("single causes named", "controls right")

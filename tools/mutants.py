@@ -36,7 +36,7 @@ TREE = WORK / "tree"
 RESULTS = WORK / "results.json"
 _TIME = 900  # s, of the tests of one mutant
 _NO_TESTS = 5  # exit code of pytest
-_COPIED = ("src", "tests", "tools", "models_xml")
+_COPIED = ("src", "tests", "tools", "studies", "models_xml")
 #: Packs take most of the compiler's time; they have the numbers of the plain library, to the bit.
 _NO_PACKS = ('MATCHES "x86_64|AMD64"', 'MATCHES "none"')
 _SWITCH = """#include <cstdlib>
@@ -283,11 +283,10 @@ def prepare(*, build: bool) -> None:
     made = WORK / "cmake"
     for command in (
         f"cmake -S {TREE} -B {made} -G Ninja --log-level=WARNING -DPython_EXECUTABLE={sys.executable}",
-        f"cmake --build {made} --target mrdamp rig -- --quiet",
+        f"cmake --build {made} --target mrdamp -- --quiet",
     ):
         subprocess.run(shlex.split(command), check=True, env=path)
     _install(made / "libmrdamp.so", "plugin")
-    _install(made / "librig.so", "blindtest")
 
 
 def _switched(file: Path) -> bytes:

@@ -13,7 +13,6 @@ from typing import Any
 from mrdamp.commands import (
     Run,
     add_command,
-    blindtest,
     case,
     citation,
     completion,
@@ -34,11 +33,14 @@ from mrdamp.interrupts import unguard
 from mrdamp.outside import NAMED
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Runs a command; bad input gives one line and exit code 2, an interrupt 130, a reader that has gone 141."""
+def main(argv: Sequence[str] | None = None, parser: argparse.ArgumentParser | None = None) -> int:
+    """Runs a command, of another parser if one is given.
+
+    Bad input gives one line and exit code 2, an interrupt 130, a reader that has gone 141.
+    """
     unguard()
     try:
-        arguments = build_parser().parse_args(argv)
+        arguments = (parser or build_parser()).parse_args(argv)
         run: Run = arguments.run
         code = run(arguments)
         sys.stdout.flush()
@@ -105,7 +107,6 @@ def build_parser() -> argparse.ArgumentParser:
     inverse.add_to(commands)
     comparing.add_to(commands)
     training.add_to(commands)
-    blindtest.add_to(commands)
 
     about = "a model's free run over a record's inputs"
     predict = add("predict", _predict, about, "mrdamp predict model.json record.csv -o pred.csv")

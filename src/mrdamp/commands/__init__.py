@@ -24,14 +24,23 @@ def seed(text: str) -> int:
 
 def add_command(commands: Any, name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
     """Adds a command to the subparsers of an argparse parser; `run` takes what it parsed, its outputs checked."""
-    p: argparse.ArgumentParser = commands.add_parser(
-        name,
-        help=text,
-        description=text,
-        epilog=f"example: {example}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    return _running(commands.add_parser(name, help=text, **_words(text, example)), run)
 
+
+def command_parser(name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
+    """The parser of a command that stands alone."""
+    return _running(argparse.ArgumentParser(name, **_words(text, example)), run)
+
+
+def _words(text: str, example: str) -> dict[str, Any]:
+    return {
+        "description": text,
+        "epilog": f"example: {example}",
+        "formatter_class": argparse.RawDescriptionHelpFormatter,
+    }
+
+
+def _running(p: argparse.ArgumentParser, run: Run) -> argparse.ArgumentParser:
     def checked(a: argparse.Namespace) -> int:
         check_outputs(a)
         return run(a)

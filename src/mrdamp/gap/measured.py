@@ -17,8 +17,8 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
-from mrdamp.gap.scenario import Scenario
-from mrdamp.gap.study import CRITERIA, Options, Progress, relative_error, with_range
+from mrdamp.gap.learned import Progress
+from mrdamp.gap.scenario import CRITERIA, Options, Scenario, relative_error, with_range
 from mrdamp.model import Model
 from mrdamp.simulation.criteria import Criteria
 
@@ -60,9 +60,7 @@ def of_case(
     if "command_max" not in nominal.parameters:
         largest = max(float(np.max(np.abs(r.command))) for r in case.records)
         nominal = replace(nominal, parameters={**nominal.parameters, "command_max": largest})
-    scenario = Scenario(
-        nominal, options.controller, options.loads, options.draws, options.seed, jobs, trainings=out / "trainings"
-    )
+    scenario = Scenario(nominal, options, jobs, trainings=out / "trainings")
     progress("tuning on the nominal simulator", 0.0)
     first = scenario.tune([nominal], scenario.site(nominal))
     progress("diagnosis", 0.2)

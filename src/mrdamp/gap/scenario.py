@@ -1,13 +1,14 @@
-"""What all real frames of a study share: the nominal simulator, the ground motions, scores, tuning."""
+"""A controller at work in simulators of a frame: ground motions, scores, tuning."""
 
 from __future__ import annotations
 
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -18,18 +19,53 @@ from mrdamp.control.base import Controller
 from mrdamp.control.told import told
 from mrdamp.errors import InputError
 from mrdamp.gap.learned import Learning, Progress
-from mrdamp.gap.real import RealFrame
 from mrdamp.model import Model
-from mrdamp.model.core import Array
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.parallel import mapped
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.stepping import FrameRun, run_frame
-from mrdamp.structures import ShearFrame, dyke1996
+from mrdamp.structures import dyke1996
 
-Plant = Model | RealFrame
+#: What a controller is evaluated by: the largest over storeys or floors.
+CRITERIA = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
 
-_BLIND = 0.15  # half width of the ranges of who has no diagnosis
+
+class Rig(Protocol):
+    """A frame that is no simulator of ours."""
+
+    def run(self, motion: GroundMotion, controller: Controller) -> tuple[FrameRun, Any]:
+        """The run under a controller, and its log."""
+
+
+Plant = Model | Rig
+
+
+@dataclass(frozen=True)
+class Options:
+    """controller: a kind that is tuned (`clipped-optimal`, `constant`, `force-tracking` ...); `learned`, with or
+    without options, which is trained; or any other spec, which is left as it is (`policy:FILE`). loads: unseen motions.
+    """
+
+    controller: str = "clipped-optimal"
+    loads: int = 4
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        most = len(unseen_motions())
+        if not 1 <= self.loads <= most:
+            raise InputError(f"gap: loads is {self.loads}; allowed: 1 to {most}")
+        if self.learning is None:
+            registry.parse(self.controller)
+
+    @property
+    def learning(self) -> Learning | None:
+        """How the controller is learned, None where it is not. Raises InputError."""
+        return Learning.of(self.controller, self.seed, Path())
+
+    @property
+    def tuned(self) -> bool:
+        """Is the controller tuned in a simulator?"""
+        return self.learning is None and is_tuned(self.controller)
 
 
 def nominal_frame() -> Model:
@@ -39,37 +75,15 @@ def nominal_frame() -> Model:
 
 
 class Scenario:
-    """A controller's workplace. controller: a kind or a spec; count: unseen motions; draws: simulators of a randomised
-    tuning; trainings: folder where what is learned is kept."""
+    """A controller's workplace. trainings: folder where what is learned is kept."""
 
-    def __init__(
-        self,
-        nominal: Model,
-        controller: str,
-        count: int,
-        draws: int,
-        seed: int,
-        jobs: int = 1,
-        *,
-        trainings: Path = Path("trainings"),
-    ) -> None:
-        self.nominal, self.controller, self.draws, self.seed, self.jobs = (
-            nominal,
-            controller,
-            draws,
-            seed,
-            jobs,
-        )
-        self.learning = Learning.of(controller, seed, trainings)
-        self.loads = [m.compressed(TIME_SCALE) for m in unseen_motions()[:count]]
+    def __init__(self, nominal: Model, options: Options, jobs: int = 1, *, trainings: Path = Path("trainings")) -> None:
+        self.nominal, self.controller, self.jobs = nominal, options.controller, jobs
+        self.learning = Learning.of(options.controller, options.seed, trainings)
+        self.loads = [m.compressed(TIME_SCALE) for m in unseen_motions()[: options.loads]]
         self.training = [m.compressed(TIME_SCALE) for m in tuning_motions()]
         # By name: a process that tunes has copies of the motions.
         self._reference = {m.name: self.criteria(nominal, None, m) for m in (*self.loads, *self.training)}
-
-    @property
-    def robust(self) -> bool:
-        """Whether a policy is learned over several simulators: the evolution strategy alone does."""
-        return self.learning is not None and self.learning.algorithm == "es"
 
     def site(self, model: Model) -> registry.Site:
         return registry.Site.of(model)
@@ -118,26 +132,6 @@ class Scenario:
         found = np.reshape(list(mapped(_tuning_score, tasks, self.jobs)), (len(specs), len(plants)))
         return told(partial(registry.make, specs[int(np.argmin(found.mean(axis=1)))]), site)
 
-    def blind(self) -> list[Model]:
-        """The nominal simulator with masses, stiffnesses and size of the damper drawn about the nominal values."""
-        rng = np.random.default_rng([self.seed, 1])
-        return [self._scaled(rng) for _ in range(self.draws)]
-
-    def _scaled(self, rng: np.random.Generator) -> Model:
-        s = self.nominal.structure
-        assert s is not None
-
-        def around(values: Array) -> Array:
-            return values * rng.uniform(1 - _BLIND, 1 + _BLIND, np.shape(values))
-
-        frame = ShearFrame(around(s.mass), around(s.stiffness), around(s.damping), s.damper_between)
-        size = float(rng.uniform(1 - _BLIND, 1 + _BLIND))
-        scaled = {
-            k: v * size if k.startswith(("alpha_", "c0", "c1", "f0", "k1", "fy")) else v
-            for k, v in self.nominal.parameters.items()
-        }
-        return replace(self.nominal, structure=frame, parameters=scaled)
-
 
 def candidates(kind: str, site: registry.Site) -> tuple[str, ...]:
     """Specs of a kind that a study tries: runs on a real frame are few. Raises InputError for one without options."""
@@ -178,3 +172,19 @@ def _tuning_score(scenario: Scenario, plant: Plant, spec: str, site: registry.Si
     return scenario.score(
         [scenario.criteria(plant, controller, load) for load in scenario.training], scenario.training
     )
+
+
+def with_range(model: Model, nominal: Model) -> Model:
+    """A model with the command's range, which a corrected simulator need not carry."""
+    ends = {k: v for k, v in nominal.parameters.items() if k.startswith("command_")}
+    return replace(model, parameters={**ends, **model.parameters})
+
+
+def relative(simulated: Criteria, measured: Criteria, name: str) -> float:
+    """Relative error of a criterion, the largest over storeys or floors."""
+    return abs(float(np.max(getattr(simulated, name)) / np.max(getattr(measured, name))) - 1)
+
+
+def relative_error(simulated: Sequence[Criteria], measured: Sequence[Criteria], name: str) -> float:
+    """Mean relative error of a criterion over the motions."""
+    return float(np.mean([relative(s, m, name) for s, m in zip(simulated, measured, strict=True)]))

@@ -1,9 +1,10 @@
-"""The picture of a sensitivity study: which effect is found in which size."""
+"""Pictures of a sensitivity study: which effect is found in which size, and what is taken for what."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
@@ -64,4 +65,29 @@ def detection(
         [Patch(facecolor=_LOOK[o][0], alpha=_LOOK[o][1], linewidth=0) for o in there],
         [f"{_LOOK[o][2]} {_WORDS[o]}" for o in there],
     )
+    return fig
+
+
+@styled
+def confusion(counts: Sequence[Sequence[int]], rows: Sequence[str], columns: Sequence[str]) -> Figure:
+    """Counts of answers (columns) by truth (rows); the first columns are named as the rows are."""
+    table = np.asarray(counts, dtype=float)
+    share = table / np.maximum(table.sum(axis=1, keepdims=True), 1)
+    fig = figure(0.155 * len(rows) + 1.75)
+    ax = fig.add_subplot()
+    ax.grid(visible=False)
+    for j, k in zip(*np.nonzero(table), strict=True):
+        colour = COLOURS[0] if rows[j] == columns[k] else SIMULATED
+        alpha = 0.25 + 0.75 * share[j, k]
+        ax.add_patch(Rectangle((k - 0.48, j - 0.48), 0.96, 0.96, facecolor=colour, alpha=alpha, linewidth=0))
+        pale = share[j, k] < 0.5
+        ax.text(
+            k, j, f"{table[j, k]:.0f}", ha="center", va="center", fontsize=7, color=INK if pale else "white"
+        )
+    ax.set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
+    ax.set_yticks(range(len(rows)), rows, fontsize=7)
+    ax.set_xlim(-0.6, len(columns) - 0.4)
+    ax.set_ylim(len(rows) - 0.4, -0.6)
+    ax.set_xlabel("answered")
+    ax.set_ylabel("true")
     return fig

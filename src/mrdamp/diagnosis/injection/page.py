@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study, due
 from mrdamp.diagnosis.injection.summary import confusion, findings, own_effects, percent, sentence
-from mrdamp.pictures.blindtest import confusion as confusion_picture
 from mrdamp.pictures.sensitivity import DRAWN, detection
+from mrdamp.pictures.sensitivity import confusion as confusion_picture
 from mrdamp.report import Cell, Page
 
 
