@@ -245,3 +245,40 @@ def test_a_policy_given_twice_is_one_seed(tmp_path: Path, bench: Bench) -> None:
     found = compare(bench, rows, [ONE], [1.0])
     assert found.values["mine"]["shaking"].shape == (2, 1, 1)
     assert "2 of 4 policies of mine repeat another and are left out" in found.notes
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["cable", "--speed", "20"], "--speed is for files of roads"),
+        (["car", "--speed", "20"], "--speed is for files of roads"),
+        (["cable", "--amplitudes", "1", "1.0"], "amplitude 1 is given twice"),
+        (["cable", "--model", ""], "an argument is empty"),
+    ],
+)
+def test_an_option_without_a_meaning_is_refused(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["compare", *words, "--controllers", "passive-off"]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_json_stays_json_beside_what_a_controller_prints(
+    tmp_path: Path, jobs: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "talks.py"
+    file.write_text(
+        "class Talks:\n    name, period = 'talks', 0.005\n    def __init__(self, site): print('made')\n"
+        "    def reset(self): print('reset')\n    def command(self, t, y): return 1.0\n"
+    )
+    words = ["--motions", str(_csv(tmp_path)), "--compression", "1", "--engine", "chain", "--jobs", jobs]
+    assert cli.main(["compare", "frame", "--json", "--controllers", "passive-off", f"mine={file}:Talks", *words]) == 0
+    out, err = capfd.readouterr()
+    assert "mine" in json.dumps(json.loads(out))
+    assert "reset" in err
+
+
+def _csv(folder: Path) -> Path:
+    file = folder / "sine.csv"
+    rows = (f"{t},{a}\n" for t, a in zip(ONE.time.tolist(), ONE.acceleration.tolist(), strict=True))
+    file.write_text("time_s,acceleration_m_s2\n" + "".join(rows))
+    return file

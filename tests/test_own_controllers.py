@@ -246,6 +246,7 @@ def test_a_controller_has_a_copy_of_what_is_measured_and_no_more(
         ("mine={}:Broken", "'2.25'", "own_law.py:Broken: its command at 0 s is '2.25'"),
         ("mine={}:Broken", "True", "its command at 0 s is True"),
         ("mine={}:Broken", "2j", "its command at 0 s is 2j"),
+        ("mine={}:Broken", "10**400", r"its command at 0 s is 10+\.\.\."),
         ("mine={}:Broken", "exit(3)", "own_law.py:Broken: SystemExit: 3"),
         ("mine={}:Lazy", "0", "lacks some of name, period"),
         ("mine={}:Nobody", "0", "there is no Nobody"),
@@ -266,7 +267,7 @@ def test_faults_of_ones_own_are_found_before_a_run(
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("None", "1 / (t < 0.5)", "own_law.py:Broken: ZeroDivisionError: division by zero"),
+        ("None", "1 / (t < 0.5)", r"own_law.py:Broken: ZeroDivisionError: division by zero \(own_law.py, line 18\)"),
         ("None", "exit('no more') if t > 0.5 else 0", "own_law.py:Broken: SystemExit: no more"),
         ("0.005", "1e-12", "own_law.py:Broken: period is 1e-12; allowed: 1e-05 to 10 s"),
         ("pass", "1 / 0", "own_law.py:Broken: ZeroDivisionError: division by zero"),

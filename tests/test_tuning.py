@@ -121,3 +121,22 @@ def test_rows_of_a_policy_are_its_runs_one_by_one_in_the_engine(name: str) -> No
     spec = f"policy:{shipped_policies('frame')[name][0]}"
     (found,) = tuning.Loops(BENCH, MOTIONS, 1).scores([BENCH.controller(spec)])
     assert found == pytest.approx(in_mujoco(spec, MOTIONS), rel=0.02)
+
+
+def test_only_what_is_compared_is_tuned_and_the_file_keeps_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tuned: list[str] = []
+
+    def run(search: tuning.Search) -> tuning.Setting:
+        tuned.append(search.kind)
+        return tuning.Setting(f"{search.kind}:value=1", 0.5)
+
+    monkeypatch.setattr(tuning.Search, "run", run)
+    file = tmp_path / "tuned.json"
+    one = tuning.settings_for(BENCH, ["passive-on", "mine=best-constant"], anew=True, file=file)
+    assert (list(one), tuned) == (["best-constant"], ["constant"])
+    both = tuning.settings_for(BENCH, ["skyhook-tuned"], anew=True, file=file)
+    assert tuned == ["constant", "skyhook"]
+    assert sorted(both) == ["best-constant", "skyhook-tuned"]
+    assert sorted(tuning.read_settings(file, BENCH) or {}) == sorted(both)

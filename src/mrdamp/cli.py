@@ -40,7 +40,10 @@ def main(argv: Sequence[str] | None = None, parser: argparse.ArgumentParser | No
     """
     unguard()
     try:
-        arguments = (parser or build_parser()).parse_args(argv)
+        given = sys.argv[1:] if argv is None else argv
+        if "" in given:  # as from a variable of the shell that is not set
+            raise InputError("an argument is empty; allowed: a value")
+        arguments = (parser or build_parser()).parse_args(given)
         run: Run = arguments.run
         code = run(arguments)
         sys.stdout.flush()

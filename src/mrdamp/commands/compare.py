@@ -6,11 +6,12 @@ import argparse
 import json
 import shlex
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.output import OutFolder, progress_bar, save_picture
+from mrdamp.commands.output import OutFolder, progress_bar, save_picture, silent_output
 from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
 
@@ -27,7 +28,7 @@ _SHOWN = (
     "controllers", "motions", "speed", "amplitudes", "compression", "model", "dampers", "told", "spread",
     "command_unit", "period", "engine", "bound",
 )  # fmt: skip
-_USUAL = {"speed": 20.0, "engine": "mujoco"}
+_USUAL = {"engine": "mujoco"}
 
 
 def add_to(commands: Any) -> None:
@@ -54,7 +55,7 @@ def add_to(commands: Any) -> None:
         "--motions", nargs="+", type=Path, metavar="FILE", help="CSV or AT2 files, folders; roads as CSV"
     )
     p.add_argument(
-        "--speed", type=float, default=_USUAL["speed"], metavar="M/S", help="on road files (default: %(default)g)"
+        "--speed", type=float, metavar="M/S", help="on road files (default: 20)"
     )
     p.add_argument("--amplitudes", nargs="+", type=float, metavar="A", help="factors on every motion")
     p.add_argument(
@@ -106,10 +107,14 @@ def run(a: argparse.Namespace) -> int:
         return _dyke1996(a)
     if a.preset == "cable":
         return _cable_reference(a)
-    return _compare(a)
+    with silent_output() if a.json else nullcontext():
+        text = _compare(a)
+    print(text)
+    return 0
 
 
-def _compare(a: argparse.Namespace) -> int:
+def _compare(a: argparse.Namespace) -> str:
+    """What is printed of a comparison."""
     from mrdamp.compare.benches import bench_of
     from mrdamp.compare.bound import with_bounds
     from mrdamp.compare.comparison import compare, distinct
@@ -149,7 +154,9 @@ def _compare(a: argparse.Namespace) -> int:
             raise InputError(f"--spread {percent:g}; allowed: percentages above 0 and below 100")
     if a.bound is not None and (a.dampers or ())[1:]:
         raise InputError("--bound is for one damper; leave it out")
-    loads: Sequence[Any] = bench.read(a.motions, a.speed) if a.motions else bench.unseen_loads()
+    if a.speed is not None and not (a.motions and bench.option == "road"):
+        raise InputError("--speed is for files of roads (--motions); leave it out")
+    loads: Sequence[Any] = bench.read(a.motions, a.speed or 20.0) if a.motions else bench.unseen_loads()
     for check in (said for load in loads if a.motions and isinstance(load, GroundMotion) for said in doubtful(load)):
         print(f"check: {check}", file=sys.stderr)
     amplitudes = tuple(a.amplitudes) if a.amplitudes else (1.0,) if a.motions else bench.unseen_amplitudes
@@ -189,24 +196,23 @@ def _compare(a: argparse.Namespace) -> int:
     for note in result.notes:
         print(f"mrdamp: {note}", file=sys.stderr)
     if a.json:
-        print(to_json(result, bench.command_unit, noted), end="")
-        return 0
+        return to_json(result, bench.command_unit, noted).rstrip()
     at = [k for k, m in enumerate(result.measures, start=1) if m.key in bench.headline]
     heads = [m.title.format(unit=bench.command_unit) for m in result.measures if m.key in bench.headline]
-    print(_aligned([("controller", *heads), *((row[0], *(row[k] for k in at)) for row in mean_rows(result))]))
-    print(f"mean (worst) over motions or loads and amplitudes; ratios are over {bench.reference}")
+    said = [
+        _aligned([("controller", *heads), *((row[0], *(row[k] for k in at)) for row in mean_rows(result))]),
+        f"mean (worst) over motions or loads and amplitudes; ratios are over {bench.reference}",
+    ]
     if result.others:
-        print(_aligned([spread_columns(result), *spread_rows(result)]))
-        print(spread_note(result))
+        said += [_aligned([spread_columns(result), *spread_rows(result)]), spread_note(result)]
     if result.bounds:
-        print(_aligned([share_columns(result), *share_rows(result)]))
-        print(share_note(result))
-    print(about)
+        said += [_aligned([share_columns(result), *share_rows(result)]), share_note(result)]
+    said.append(about)
     if not settings and not a.controllers:
-        print("tuned controllers are left out: there are no settings for this model; add --tune")
+        said.append("tuned controllers are left out: there are no settings for this model; add --tune")
     if a.out:
-        print(f"page: {page}")
-    return 0
+        said.append(f"page: {page}")
+    return "\n".join(said)
 
 
 def _places(text: str) -> tuple[int, int]:

@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path, PosixPath
 from typing import TYPE_CHECKING
 
@@ -94,6 +94,20 @@ def save_picture(fig: Figure, path: Path) -> None:
     """Writes a figure and prints where. Raises InputError."""
     write_atomic(path, lambda file: fig.savefig(file, dpi=150, format=path.suffix[1:]))
     print(f"picture: {path}")
+
+
+@contextmanager
+def silent_output() -> Iterator[None]:
+    """What is printed meanwhile, by other people's code and its processes too, goes to the standard error."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 @contextmanager

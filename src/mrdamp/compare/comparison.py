@@ -89,6 +89,8 @@ def compare(
         raise InputError("compare: give at least one controller, one motion and one amplitude")
     for amplitude in amplitudes:
         require_positive("compare", amplitude=amplitude)
+        if list(amplitudes).count(amplitude) > 1:
+            raise InputError(f"compare: amplitude {amplitude:g} is given twice; allowed: each once")
     for load in loads:
         if not np.any(bench.forces(load)):
             raise InputError(f"{load.name}: the load is zero throughout; there is nothing to control")

@@ -287,16 +287,19 @@ def settings_for(
     keep: Path | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Setting]:
-    """Of the tuned controllers among names: as shipped, as they are in a file, or (anew) tuned now and written there.
+    """Of the tuned controllers among names: as shipped, as they are in a file, or (anew) tuned now and written there,
+    beside what the file has of others.
 
     needed: without any it is an error, else the answer is empty. Raises InputError.
     """
-    wanted = [name for name in names if name.rpartition("=")[2] in bench.tuned]
+    named = (name.rpartition("=")[2] for name in names)
+    wanted = [name for name in dict.fromkeys(named) if name in bench.tuned]
     if not wanted:
         return {}
     if anew:
-        found = tune(bench, jobs=jobs, keep=keep, progress=progress)
+        found = tune(bench, wanted, jobs=jobs, keep=keep, progress=progress)
         if file is not None:
+            found = (read_settings(file, bench) or {}) | found
             write_atomic(file, json.dumps(to_dict(found, bench), indent=1) + "\n")
         return found
     settings = shipped(bench)

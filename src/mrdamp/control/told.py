@@ -11,8 +11,11 @@ A policy that was trained in another environment is refused.
 
 from __future__ import annotations
 
+import reprlib
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -55,7 +58,7 @@ class Told:
         try:
             values = finite("command", found, (self.dampers, *(rows or (1,))) if np.size(found) > 1 else (1, 1))
         except ValueError:  # InputError is one
-            said = f"controller {self.name}: its command at {t:g} s is {found!r}"
+            said = f"controller {self.name}: its command at {t:g} s is {reprlib.repr(found)}"
             many = f", or {self.dampers} of them" if self.dampers > 1 else ""
             raise InputError(f"{said}; allowed: a finite number{many}") from None
         if values.size == 1:  # of all dampers
@@ -70,7 +73,14 @@ def ask(name: str, call: Callable[..., Any], *given: Any) -> Any:
     except MrdampError:
         raise
     except (Exception, SystemExit) as error:
-        raise InputError(f"controller {name}: {type(error).__name__}: {first_line(error)}") from None
+        raise InputError(f"controller {name}: {type(error).__name__}: {first_line(error)}{_place(error)}") from None
+
+
+def _place(error: BaseException) -> str:
+    """The deepest line of the called code's own file that an error went through."""
+    own = traceback.extract_tb(error.__traceback__)[1:]
+    lines = [f.lineno for f in own if f.filename == own[0].filename]
+    return f" ({Path(own[0].filename).name}, line {lines[-1]})" if lines else ""
 
 
 def first_line(error: BaseException) -> str:

@@ -48,7 +48,7 @@ def finite(what: str, values: Any, shape: tuple[int, ...], *, exact: bool = Fals
         if found.dtype.kind in _NO_NUMBERS:
             raise TypeError
         found = found.astype(np.float64, copy=False)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{what} is {values!r}; allowed: finite numbers".replace("\n", "")) from None
     if found.shape != shape:
         if exact or 1 not in shape or found.size != shape[0] * shape[1]:
