@@ -256,7 +256,9 @@ def test_a_policy_given_twice_is_one_seed(tmp_path: Path, bench: Bench) -> None:
         (["cable", "--model", ""], "an argument is empty"),
     ],
 )
-def test_an_option_without_a_meaning_is_refused(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_option_without_a_meaning_is_refused(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert cli.main(["compare", *words, "--controllers", "passive-off"]) == 2
     assert said in capsys.readouterr().err
 

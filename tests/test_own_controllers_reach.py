@@ -121,3 +121,16 @@ def test_a_class_that_takes_no_site_is_refused(tmp_path: Path) -> None:
     file.write_text("class Bare:\n    name, period = 'bare', 0.01\n    reset = command = print\n")
     said = "bare.py:Bare: too many positional arguments; allowed: a class or function of the site"
     refuses(lambda: compare(BENCH, contenders(BENCH, [f"mine={file}:Bare"], {}), [LOAD], [1.0]), said)
+
+
+@pytest.mark.parametrize("learned", [True, False])
+def test_a_damper_mounted_the_other_way_round_is_driven_alike(learned: bool) -> None:
+    """The same frame physically: stroke and force have the other sign, the commands and drifts are the same."""
+    frame = BENCH.model.structure
+    assert frame is not None
+    turned = replace(BENCH, model=replace(BENCH.model, structure=replace(frame, damper_between=(1, 0))))
+    spec = f"policy:{SHIPPED}" if learned else "force-tracking"
+    one, other = (compare(bench, contenders(bench, [spec], {}), [LOAD], [1.0]) for bench in (BENCH, turned))
+    for key in ("mean_command", "J1", "J2"):
+        name = one.contenders[0].name
+        np.testing.assert_allclose(other.values[name][key], one.values[name][key], rtol=1e-6)

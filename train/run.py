@@ -258,6 +258,9 @@ class Run(ABC):
         }
         if self.task.structure.identity:
             about["structure"] = self.task.structure.identity
+        frame = self.worlds[0].model(self.worlds[0].task(1)).structure
+        if frame is not None:
+            about["upward"] = [upper > lower for lower, upper in frame.places]
         fresh = Observer.from_dict(self.task.observer.to_dict())
         name, matrix = f"{o.algorithm} seed {o.seed}", self.transform()
         return Policy(

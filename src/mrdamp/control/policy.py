@@ -17,13 +17,14 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrdamp.control.base import OWN, sensor_name
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Memory, Network, State, matrix, rows
@@ -116,6 +117,7 @@ class Policy:
         self.command_lag, self._added = command_lag, 0.0
         self._unlagged = Unlagged(period, 0.0)
         self.about = dict(about or {})
+        self._facing: Mapping[str, float] = {}
         self.reset()
 
     def reset(self) -> None:
@@ -147,7 +149,15 @@ class Policy:
         self._unlagged = Unlagged(self.period, sensor_lag)
         return self
 
+    def facing(self, places: Sequence[tuple[int, int]]) -> None:
+        """For dampers between these floors: one that is mounted the other way round than in training has the other sign
+        of stroke and force."""
+        upward = self.about.get("upward") or [True] * len(places)  # in training, from the lower floor to the upper
+        turned = [k for k, (own, (a, b)) in enumerate(zip(upward, places, strict=False)) if own != (b > a)]
+        self._facing = {sensor_name(signal, k): -1.0 for k in turned for signal in OWN}
+
     def command(self, t: float, y: Mapping[str, float]) -> Any:
+        y = {**y, **{name: sign * y[name] for name, sign in self._facing.items() if name in y}}
         missing = [name for name in self.observer.signals if name not in y]
         if missing:
             raise InputError(f"{self.whose}: it needs the measurement {missing[0]}; there are here: {', '.join(y)}")

@@ -23,6 +23,7 @@ import numpy as np
 from mrdamp.control.base import Controller
 from mrdamp.control.policy import Policy
 from mrdamp.control.registry import AnySite
+from mrdamp.control.registry import Site as FrameSite
 from mrdamp.control.unlagged import Unlagged
 from mrdamp.errors import InputError, MrdampError
 from mrdamp.model import Model
@@ -100,6 +101,8 @@ def told(build: Callable[[Site], Controller], site: Site, name: str = "") -> Tol
     if isinstance(made, Policy):
         made.require(site.environment)
         made.matched(damper.command_lag)
+        if isinstance(site, FrameSite):
+            made.facing(site.frame.places)
     # As the chain clamps: without command_min a command acts by its size. 0 is no command, also of a law above it.
     least = min(0.0, damper.attributes.get("command_min", -largest))
     return Told(made, damper.sensor_lag, (least, largest), name, site.dampers)
