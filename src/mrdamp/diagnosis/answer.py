@@ -275,7 +275,7 @@ def named_effects(
     intervals: dict[str, Interval],
     regimes_of: Mapping[str, tuple[RegimeEstimate, ...]],
 ) -> tuple[Named, ...]:
-    shares = cause_shares(search, chosen, lambda f: f.cost)
+    shares = cause_shares(search, chosen)
     settings, out = final.fit.settings, []
     for term in _last_forms(chosen, final):
         names = {c.name: c.name.removeprefix(f"{term.effect}_").partition("@")[0] for c in term.coordinates}
@@ -289,7 +289,7 @@ def named_effects(
                 term.place,
                 min(probabilities.get(term.cause, 0.0), 1.0),
                 _short(settings, names),
-                shares[term.cause] / search.excess,
+                shares[term.cause],
                 _short(own, names),
                 tuple(
                     replace(r, parameters=_short(r.parameters, names), intervals=_short(r.intervals, names))

@@ -25,7 +25,7 @@ from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
-from mrdamp.diagnosis.constants import CAUSE_PENALTY, LAW_FORMS, NUMBER_PENALTY
+from mrdamp.diagnosis.constants import CAUSE, LAW_FORMS, NUMBER
 from mrdamp.diagnosis.evidence.judgement import decided, not_established, scored, unexplained
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.evidence.verdict import Decision
@@ -166,7 +166,7 @@ def judge(
         penalties = {id(f): deviations(f).penalty() for f in free}
         for count in {len(f.hypothesis.causes) for f in free}:
             for f in [f for f in free if len(f.hypothesis.causes) == count][:_LOOKED_AT]:
-                for named, penalty in promoted(rig, f, CAUSE_PENALTY + NUMBER_PENALTY):
+                for named, penalty in promoted(rig, f, CAUSE + NUMBER):
                     key = named.hypothesis.key
                     if key not in search.fits or named.cost < search.fits[key].cost:
                         search.fits[key] = named

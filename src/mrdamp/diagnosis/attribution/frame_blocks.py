@@ -14,13 +14,13 @@ exact.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
-from mrdamp.diagnosis.attribution.stages import DrawnCosts, cause_shares, stage_shares
+from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.balances import BAND, Balances
 from mrdamp.diagnosis.constants import BLOCK_FAULT
@@ -121,15 +121,13 @@ def shares_by_stage(
 ) -> tuple[Shares, Intervals]:
     """Shares of the gap by stage, adding up to 1, and their 95 % intervals; none if the shares follow by definition.
 
-    With named effects: Shapley shares in the reduction of the cost. With a cause outside the catalogue: its stage.
+    With named effects: their parts in the change of the channels. With a cause outside the catalogue: its stage.
     Without either: the shares of the faulty blocks. The damper's share counts as fluid if its parameters are wrong. If
     its cause is unknown, it is divided by the evidence of its stages (`evidence`), which is drawn as the blocks are,
     or, without that, by what the stages' effects explain.
     """
     if verdict == "effect" and chosen.hypothesis.terms:
-        costs = DrawnCosts.of(search)
-        rows = [_of_causes(search, chosen, costs.at(k)) for k in range(costs.count)]
-        return _of_causes(search, chosen, lambda f: f.cost), _intervals(rows)
+        return stage_shares(search, chosen, verdict), stage_intervals(search, chosen, verdict)
     nearest = stage_shares(search, chosen, verdict)
     if search.looks_like is not None:
         return {s: nearest.get(s, 0.0) for s in STAGES}, {}
@@ -156,15 +154,6 @@ def _intervals(rows: Sequence[Shares]) -> Intervals:
 def _of_total(values: Mapping[str, float]) -> dict[str, float]:
     total = sum(values.values())
     return {name: v / total if total > 0 else 0.0 for name, v in values.items()}
-
-
-def _of_causes(search: Search, chosen: Fit, cost: Callable[[Fit], float]) -> dict[str, float]:
-    stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
-    out = dict.fromkeys(STAGES, 0.0)
-    for cause, share in cause_shares(search, chosen, cost).items():
-        out[stage[cause]] += max(share, 0.0)
-    total = sum(out.values())
-    return {s: v / total if total > 0 else 1 / len(out) for s, v in out.items()}
 
 
 def _of_blocks(

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from mrdamp.diagnosis.attribution.stage_columns import Columns, columns_of
 from mrdamp.diagnosis.constants import (
     INDEPENDENT,
-    NUMBER_PENALTY,
+    NUMBER,
     RANDOM_PENALTY,
     RANDOM_STAGES,
     STAGE_TELLS,
@@ -84,10 +84,10 @@ class StageEvidence:
             models = [(errors.left(own.columns), 0.0)]
             f = (found or {}).get(stage)
             if f is not None and _cost(errors.parts(f.residual)) < most:
-                penalty = NUMBER_PENALTY * (len(f.point) - len(f.hypothesis.nominal))
+                penalty = NUMBER * (len(f.point) - len(f.hypothesis.nominal))
                 models.append((errors.parts(f.residual), penalty))
             rare = 0.0 if name in RANDOM_STAGES else RANDOM_PENALTY
-            models.append((errors.by_record(own), NUMBER_PENALTY * len(own.gains) + rare))
+            models.append((errors.by_record(own), NUMBER * len(own.gains) + rare))
             costs += [_cost(left) for left, _ in models]
             models += [(left, rare) for left in laws]
             means = [errors.likelihoods(left, own, level) for left, _ in models]

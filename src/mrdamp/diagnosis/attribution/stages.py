@@ -12,7 +12,6 @@ from mrdamp.diagnosis.attribution.shares import Measured, Regime
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.constants import STAGE_SHARPNESS
 from mrdamp.diagnosis.evidence.resample import Interval, draws, group_sums, interval, seconds
-from mrdamp.diagnosis.evidence.verdict import shapley
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import STAGES, Settings
@@ -147,16 +146,12 @@ class DrawnCosts:
         return lambda f: float(self.table[draw, self.column[id(f)]])
 
 
-def cause_shares(search: Search, chosen: Fit, cost: Callable[[Fit], float]) -> dict[str, float]:
-    """Shapley shares of the named causes in the reduction of the cost."""
-    free, causes = bool(chosen.hypothesis.nominal), chosen.hypothesis.causes
-    # The best form of each set comes last and overwrites the others.
-    costs = {
-        frozenset(f.hypothesis.causes): cost(f)
-        for f in reversed(search.ranked(free))
-        if set(f.hypothesis.causes) <= set(causes)
-    }
-    return shapley(costs, causes)
+def cause_shares(search: Search, chosen: Fit) -> dict[str, float]:
+    """Share of the gap beyond the noise that each named cause explains: what the fit explains, divided by the causes'
+    parts in its change (`Changes`)."""
+    sums = np.maximum(Changes.of(search, chosen).table.sum(axis=0), 0.0)
+    parts = (1 - search.unexplained(chosen)) * sums / max(float(sums.sum()), 1e-300)
+    return dict(zip(chosen.hypothesis.causes, parts[:-1].tolist(), strict=True))
 
 
 def _shares(

@@ -20,8 +20,7 @@ from mrdamp.diagnosis.constants import (
     DIRECT_LEFT,
     DIRECT_RESOLUTION,
     INDEPENDENT,
-    NUMBER_PENALTY,
-    PARTS_LEFT,
+    NUMBER,
     SAME_UNIT,
 )
 from mrdamp.diagnosis.hypotheses.outside import PLAIN
@@ -72,7 +71,7 @@ class Compared:
         if self.outside:
             return True
         before, after = (max(x**2 - self.noise**2, 0.0) for x in (self.before, self.after))
-        return self.cause is None and not self.agree and after > PARTS_LEFT * before
+        return self.cause is None and not self.agree and after > DIRECT_LEFT * before
 
     def to_dict(self) -> dict[str, Any]:
         """Entry of `diagnosis.json`."""
@@ -165,14 +164,13 @@ def _pair(
     best: Compared, terms: Sequence[Term], residual: Callable[[Settings], Array], resolution: float
 ) -> list[Compared] | None:
     """The two effects, each in its simplest form, that explain a difference together; each with half of the
-    evidence. None if no two leave less than PARTS_LEFT of it: in 4 opened cases of a sensor fault outside the
-    catalogue the best two left .16, .18, .37 and .64. residual: difference over the RMS of the second channel.
+    evidence. None if no two leave less than DIRECT_LEFT of it. residual: difference over the RMS of the second channel.
     """
     simplest: dict[str, Term] = {}
     for term in sorted(terms, key=lambda t: (len(t.coordinates), t.name)):
         simplest.setdefault(term.effect, term)
     beyond, floor = best.before**2 - best.noise**2, (DIRECT_RESOLUTION * best.noise) ** 2 + resolution**2
-    found: tuple[float, list[Compared]] = (PARTS_LEFT * beyond, [])
+    found: tuple[float, list[Compared]] = (DIRECT_LEFT * beyond, [])
     for one, other in combinations(simplest.values(), 2):
         together = Term(
             one.effect, one.stage, one.coordinates + other.coordinates, ((*one.starts[0], *other.starts[0]),),
@@ -180,7 +178,7 @@ def _pair(
         )  # fmt: skip
         settings, after = _fitted(together, together.starts[0], residual)
         nats = 0.5 * INDEPENDENT * float(np.log((best.before**2 + floor) / (after + floor)))
-        nats -= NUMBER_PENALTY * len(together.coordinates)
+        nats -= NUMBER * len(together.coordinates)
         left = max(after - best.noise**2, 0.0)
         if left < found[0] and nats > 0:
             rows = []
@@ -201,13 +199,12 @@ def best_cause(
     *,
     level: float = 1.0,
     resolution: float = 0.0,
-    left: float = DIRECT_LEFT,
 ) -> Compared:
     """The cause that explains the difference of two channels within the noise, if there is one.
 
     residual: difference (samples,) for given settings, in any unit. level: its noise in that unit. noise:
     relative to the RMS of the second channel. resolution: share of that channel below which no cause is
-    reported. left: share of the squared difference beyond the noise that a cause may leave.
+    reported.
     """
     unit = noise / level if level > 0 else 1.0  # ratio to the second channel's RMS
     before = float(np.mean(residual({}) ** 2)) * unit**2
@@ -222,8 +219,8 @@ def best_cause(
             settings, mean_square = _fitted(term, start, residual)
             after = mean_square * unit**2
             nats = 0.5 * INDEPENDENT * float(np.log((before + floor) / (after + floor)))
-            nats -= NUMBER_PENALTY * len(term.coordinates)
-            if max(after - noise**2, 0.0) < left * (before - noise**2) and nats > best.nats:
+            nats -= NUMBER * len(term.coordinates)
+            if max(after - noise**2, 0.0) < DIRECT_LEFT * (before - noise**2) and nats > best.nats:
                 best = Compared(
                     channels, best.before, float(np.sqrt(after)), noise, term.cause, term, settings, nats
                 )

@@ -15,7 +15,6 @@ import numpy as np
 
 from mrdamp.diagnosis.channels.balances import BAND, Balances, has_damper
 from mrdamp.diagnosis.channels.comparison import PASSES, Compared, best_cause, through_chain
-from mrdamp.diagnosis.constants import PARTS_LEFT
 from mrdamp.diagnosis.hypotheses.outside_storeys import ground_delay, shaken
 from mrdamp.diagnosis.hypotheses.terms import Settings, Term
 from mrdamp.model import core
@@ -94,7 +93,7 @@ def _of_storeys(found: Sequence[Balances], parts: Sequence[Part], terms: Sequenc
     """All storeys together, over their noise: a mass enters the balance of every storey below it."""
     residual = _over_noise(found, parts, lambda b, j, settings: (_storey(b, j, settings), b.shear[j]))
     noise = float(np.mean([p.noise for p in parts]))
-    best = best_cause(("storeys' drifts", "floors' accelerations"), terms, residual, noise, left=PARTS_LEFT)
+    best = best_cause(("storeys' drifts", "floors' accelerations"), terms, residual, noise)
     if best.cause is None:
         best = replace(best, after=noise * _left_by_numbers(found, parts))
     return best
@@ -127,7 +126,7 @@ def _of_accelerometer(found: Sequence[Balances], part: Part, terms: Sequence[Ter
         return _through_sensor(b.moved[j], b.sample_time, settings) - b.read[j], b.moved[j]
 
     names = f"floor{j}_displacement_m", f"floor{j}_acceleration_m_s2"
-    return best_cause(names, terms, _over_noise(found, [part], errors), part.noise, left=PARTS_LEFT)
+    return best_cause(names, terms, _over_noise(found, [part], errors), part.noise)
 
 
 def _of_displacements(found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term]) -> Compared:
@@ -140,7 +139,7 @@ def _of_displacements(found: Sequence[Balances], parts: Sequence[Part], terms: S
 
     noise = float(np.mean([p.noise for p in parts]))
     names = "floors' displacements", "floors' accelerations"
-    return best_cause(names, terms, _over_noise(found, parts, errors), noise, left=PARTS_LEFT)
+    return best_cause(names, terms, _over_noise(found, parts, errors), noise)
 
 
 def _storey(b: Balances, storey: int, settings: Settings) -> Array:

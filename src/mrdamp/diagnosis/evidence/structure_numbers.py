@@ -16,7 +16,6 @@ import numpy as np
 from mrdamp.diagnosis.constants import (
     DAMPING_SCATTER,
     STRUCTURE_CHANGE,
-    STRUCTURE_CHANGES,
     STRUCTURE_SAMPLES,
     STRUCTURE_SCATTER,
 )
@@ -25,6 +24,8 @@ from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.model.core import Array
 
+#: Largest number of such effects.
+_MOST = 2
 _EFFECTS = {"stiffness": "storey_stiffness", "damping": "storey_damping", "mass": "floor_mass"}
 
 
@@ -93,7 +94,7 @@ def promoted(rig: FrameRig, found: Fit, each: float) -> list[tuple[Fit, float]]:
     ]
     far.sort(key=lambda k: -abs(d.values[k]) / d.scale[k])
     whole = d.penalty()
-    for count in range(1, STRUCTURE_CHANGES + 1):
+    for count in range(1, _MOST + 1):
         for chosen in combinations(far[:4], count):
             penalty = d.penalty(chosen)
             if penalty < whole - count * each:

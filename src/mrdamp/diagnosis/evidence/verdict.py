@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,8 +10,7 @@ import numpy as np
 from mrdamp.diagnosis.constants import (
     CAUSE,
     LAPSE,
-    LAPSE_NONE,
-    LAPSE_UNKNOWN,
+    LAPSE_INEXACT,
     LAPSE_WORSE,
     LAW,
     NONE_ABOVE,
@@ -187,11 +185,9 @@ def with_lapse(sets: Mapping[tuple[str, ...], float], lapse: float = LAPSE) -> d
 def lapse_of(verdict: str, *, inexact: bool, worse: bool) -> float:
     """Lapse rate of an answer. inexact: no fit reaches the noise. worse: a named cause makes the gap larger in a
     regime."""
-    if not inexact:
-        return LAPSE
-    if verdict == "effect":
-        return LAPSE_WORSE if worse else LAPSE
-    return {"unknown": LAPSE_UNKNOWN, "none": LAPSE_NONE}.get(verdict, LAPSE)
+    if inexact and verdict in ("unknown", "none"):
+        return LAPSE_INEXACT
+    return LAPSE_WORSE if inexact and worse else LAPSE
 
 
 def _named(f: Scored) -> tuple[str, ...]:
@@ -205,24 +201,3 @@ def of_cause(sets: Mapping[tuple[str, ...], float]) -> dict[str, float]:
         for cause in causes or ("none",):
             out[cause] = out.get(cause, 0.0) + p
     return dict(sorted(out.items(), key=lambda item: (-item[1], item[0])))
-
-
-def shapley(costs: Mapping[frozenset[str], float], causes: Sequence[str]) -> dict[str, float]:
-    """Shapley share of each cause in the reduction of the cost, averaged over the orders of adding.
-
-    costs: by set of causes, including the empty one; a set that was not fitted counts as the best of its
-    subsets.
-    """
-
-    def cost(members: frozenset[str]) -> float:
-        return min(value for key, value in costs.items() if key <= members)
-
-    out = dict.fromkeys(causes, 0.0)
-    n = len(causes)
-    for cause in causes:
-        others = [c for c in causes if c != cause]
-        for bits in range(2 ** len(others)):
-            inside = frozenset(c for k, c in enumerate(others) if bits >> k & 1)
-            weight = math.factorial(len(inside)) * math.factorial(n - len(inside) - 1) / math.factorial(n)
-            out[cause] += weight * (cost(inside) - cost(inside | {cause}))
-    return out

@@ -37,8 +37,7 @@ _POLISHED, _GAINS = 4, 0.3
 #: For a worse parent, a term is skipped if its predicted cost exceeds this multiple of the cost found with a
 #: better parent.
 _HOPELESS = 10.0
-#: The penalty of a second cause is balanced if half of the cost remains (exp(-2 (CAUSE_PENALTY + NUMBER_PENALTY)
-#: / INDEPENDENT)). A pair above this share of the best single cause's cost is not continued.
+#: A pair above this share of the best single cause's cost is not continued: a second cause has to pay for itself.
 _PAYS = 0.6
 #: Share of the excess below which a fit may become exact with another cause or form.
 _NEARS = 0.15
