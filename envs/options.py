@@ -66,6 +66,8 @@ class TaskOptions(RowOptions):
     def __post_init__(self) -> None:
         require_kind("an Observer, or a mapping", (Observer, Mapping), observer=self.observer)
         require_kind("a list of names", (list, tuple), signals=self.signals)
+        for one in self.signals or ():
+            require_kind("names", str, signal=one)
         require_kind("a list of numbers", (list, tuple, np.ndarray), memory=self.memory)
         require_kind("a number by name", Mapping, peaks=self.peaks, noise=self.noise)
         own = {name: getattr(self, name) for name in ("action_in_observation", "full_state", "normalise")}
@@ -138,6 +140,7 @@ def command_range(models: Sequence[Model], command_max: float | Sequence[float] 
 def model_of(given: Model | Path | str | None, default: Callable[[], Model]) -> Model:
     """A damper's model as it is given, from its file, or the default. Raises InputError."""
     require_kind("a Model, or its file", (Model, str, Path), model=given)
-    if isinstance(given, str | Path):
-        return Model.read(given)
-    return default() if given is None else given
+    model = Model.read(given) if isinstance(given, str | Path) else given
+    if model is not None and model.rig == "frame":
+        raise InputError(f"model {model.name} is of a frame; allowed here: a damper's")
+    return default() if model is None else model

@@ -15,6 +15,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from env_arguments import OWN
+from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.envs import (
     AmbientLoads,
     CableEnv,
@@ -196,6 +197,9 @@ def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
         (CarEnv, {"command_max": "a"}, {}, "command_max is a"),
         (CarEnv, {"noise": 3}, {}, "noise is 3"),
         (CarEnv, {"signals": "force"}, {}, "signals is 'force'"),
+        (CarEnv, {"signals": [1]}, {}, "signal is 1; allowed: names"),
+        (CarEnv, {"timestep": 1e-9}, {}, "timestep is 1e-09; allowed: 1e-06 s or more"),
+        (CableEnv, {"model": frame_model()}, {}, "is of a frame; allowed here: a damper's"),
         (CarEnv, {"memory": 3}, {}, "memory is 3"),
         (CarEnv, {"peaks": 3}, {}, "peaks is 3"),
         (CarEnv, {"reward": 3}, {}, "reward is 3"),

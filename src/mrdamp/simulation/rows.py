@@ -33,6 +33,8 @@ from mrdamp.structures.cars import QuarterCar
 HEADER = 3  # doubles of a row's state before its coordinates
 _CAR = 5  # of a car's between the rates and the filter: force and rise of damper and tyre, friction of the tyre
 
+#: s, engine step: below it time steps vanish beside the time of a run.
+_LEAST_STEP = 1e-6
 #: Kinds of NumPy's types that would be taken for numbers: truth values, complex numbers and text.
 _NO_NUMBERS = "bcSU"
 
@@ -82,6 +84,8 @@ class Stepping:
 
     def __post_init__(self) -> None:
         require_positive("steps (s)", period=self.period, timestep=self.timestep)
+        if self.timestep < _LEAST_STEP:
+            raise InputError(f"timestep is {self.timestep:g}; allowed: {_LEAST_STEP:g} s or more")
         require_kind("a whole number", int, threads=self.threads)
         require_positive("rows", threads=self.threads)
         if self.lanes not in (0, 1, 4, 8):
