@@ -49,7 +49,8 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         """All rows at rest, or those of options["reset_mask"] (n,); a seed s gives row k the seed s + k."""
         options = dict(options or {})
         mask = options.pop("reset_mask", None)
-        if mask is not None and not (np.shape(mask) == (self.num_envs,) and np.any(mask)):
+        flags = mask is None or (np.shape(mask) == (self.num_envs,) and np.isin(mask, (0, 1)).all() and np.any(mask))
+        if not flags:
             raise InputError(f"reset: reset_mask is {mask!r}; allowed: {self.num_envs} flags, some set")
         rows = list(range(self.num_envs)) if mask is None else np.flatnonzero(mask).tolist()
         seeds = (

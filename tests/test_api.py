@@ -17,9 +17,13 @@ import mrdamp
 from command_call import caller
 from mrdamp.commands.compare import add_to as add_compare
 from mrdamp.commands.identify import add_identify
+from mrdamp.compare.benches import bench_of
+from mrdamp.compare.comparison import compare
+from mrdamp.compare.contenders import contenders, shipped_policies
 from mrdamp.motions import kanai_tajimi
 from mrdamp.records import embedded
 from mrdamp.records.csv_file import render
+from refusals import refuses
 
 
 def test_identify_is_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -79,3 +83,24 @@ def test_packages_are_the_functions_of_their_names() -> None:
     for name in ("identify", "predict", "diagnose", "compare", "train"):
         assert f"mrdamp.{name}(" in text
         assert name in dir(mrdamp)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"controllers": "passive-on"}, "controllers is 'passive-on'; allowed: a list of names"),
+        ({"loads": 5}, "loads is 5; allowed: a list of loads"),
+        ({"loads": [1]}, "1 is no load of a frame"),
+        ({"amplitudes": 1}, "amplitudes is 1; allowed: a list of numbers"),
+        ({"tune": "no"}, "tune is 'no'; allowed: True, False"),
+        ({"command_unit": "kV"}, "command_unit is 'kV'; allowed: A, V"),
+    ],
+)
+def test_wrong_values_are_told_in_a_line(given: dict[str, Any], said: str) -> None:
+    refuses(lambda: mrdamp.compare("frame", **({"controllers": ["passive-on"]} | given)), said)
+
+
+def test_a_policy_of_one_damper_on_two_is_told_of() -> None:
+    bench = bench_of("frame", engine="chain", dampers=[(0, 1), (1, 2)])
+    found = compare(bench, contenders(bench, ["learned"], {}, shipped_policies("frame")), [kanai_tajimi(3, duration=2.0)], [1.0])
+    assert "learned was trained with one damper; its command is given to all 2" in found.notes

@@ -37,15 +37,17 @@ def bench() -> Bench:
 
 
 def test_a_load_that_comes_again_is_no_independent_one(bench: Bench) -> None:
-    """Under another name, mirrored, or larger: means and intervals are those of the two loads that there are."""
-    again = replace(ONE, name="other"), ONE.scaled(-0.3), TWO.scaled(7.0)
-    two, five = (
-        compare(bench, [CONSTANT], loads, [1.0]) for loads in ([ONE, TWO], [ONE, *again[:2], TWO, again[2]])
+    """Under another name, mirrored, larger, or with rest at its ends: means and intervals are those of the two loads
+    that there are."""
+    later = replace(ONE, name="later", acceleration=np.concatenate([np.zeros(30), ONE.acceleration, np.zeros(9)]))
+    again = replace(ONE, name="other"), ONE.scaled(-0.3), TWO.scaled(7.0), later
+    two, six = (
+        compare(bench, [CONSTANT], loads, [1.0]) for loads in ([ONE, TWO], [ONE, *again[:2], TWO, *again[2:]])
     )
-    assert five.loads == ("sine_9.0", "sine_14.0")
-    assert five.summary("constant", "shaking") == two.summary("constant", "shaking")
+    assert six.loads == ("sine_9.0", "sine_14.0")
+    assert six.summary("constant", "shaking") == two.summary("constant", "shaking")
     assert two.notes == ()
-    assert five.notes == ("3 of 5 loads repeat another up to a factor and are left out",)
+    assert six.notes == ("4 of 6 loads repeat another up to a factor or rest and are left out",)
 
 
 def test_another_speed_or_another_sample_makes_another_load(bench: Bench) -> None:
@@ -76,7 +78,7 @@ def test_of_two_records_a_source_makes_two_loads_and_says_that_tuning_had_them()
     found = compare(own, [TUNED], own.unseen_loads(), [1.0])
     assert sorted(found.loads) == ["sine_14.0", "sine_9.0"]
     repeated, known = found.notes
-    assert repeated == "4 of 6 loads repeat another up to a factor and are left out"
+    assert repeated == "4 of 6 loads repeat another up to a factor or rest and are left out"
     assert known.startswith("controllers were tuned or policies chosen on sine_")
     assert len(compare(own, [CONSTANT], own.unseen_loads(), [1.0]).notes) == 1
 
@@ -105,7 +107,7 @@ def test_a_file_that_is_named_twice_is_told_of(tmp_path: Path, capsys: pytest.Ca
         *files,
     ]
     assert cli.main([*call, "-o", str(tmp_path / "out")]) == 0
-    note = "2 of 3 loads repeat another up to a factor and are left out"
+    note = "2 of 3 loads repeat another up to a factor or rest and are left out"
     assert capsys.readouterr().err.count(f"mrdamp: {note}\n") == 1
     for page in ("index.html", "table.md"):
         assert f"Note: {note}." in (tmp_path / "out" / page).read_text()

@@ -342,8 +342,8 @@ def test_a_state_of_an_environment_with_other_arguments_is_refused(other: dict[s
     refuses(lambda: FrameEnv(engine="chain", **other).set_state(state), "the state is of another environment")
 
 
-@pytest.mark.parametrize("mask", [[True], [False] * 3, [True] * 5])
-def test_a_mask_of_rows_that_is_none_is_refused(mask: list[bool]) -> None:
+@pytest.mark.parametrize("mask", [[True], [False] * 3, [True] * 5, [0, 2, 1]])
+def test_a_mask_of_rows_that_is_none_is_refused(mask: list[int]) -> None:
     env = FrameVectorEnv(3, engine="chain")
     env.reset(seed=1)
     refuses(lambda: env.reset(options={"reset_mask": np.array(mask)}), "reset_mask is .*allowed: 3 flags")

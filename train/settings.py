@@ -48,8 +48,8 @@ class Options:
             )
         for name, least in (("seed", 0), ("evaluations", 1), ("timesteps", 1)):
             value = getattr(self, name)
-            if value is not None and value < least:
-                raise InputError(f"{name} is {value}; allowed: {least} or more")
+            if value is not None and (not isinstance(value, int) or value < least):
+                raise InputError(f"{name} is {value!r}; allowed: a whole number, {least} or more")
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""

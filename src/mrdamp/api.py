@@ -76,7 +76,12 @@ def compare(
     from mrdamp.compare.comparison import distinct
     from mrdamp.compare.contenders import contenders, shipped_policies
     from mrdamp.compare.tuning import settings_for
+    from mrdamp.errors import require_kind
 
+    require_kind("a list of names", (list, tuple), controllers=controllers)
+    require_kind("a list of loads", (list, tuple), loads=loads)
+    require_kind("a list of numbers", (list, tuple), amplitudes=amplitudes)
+    require_kind("True, False", bool, tune=tune)
     bench = bench_of(structure, model, **options)
     shipped = shipped_policies(bench.environment)
     names = list(controllers or (*bench.default, *shipped))

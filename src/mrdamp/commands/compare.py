@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
+from mrdamp.commands.models import named_model
 from mrdamp.commands.output import OutFolder, progress_bar, save_picture, silent_output
 from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
@@ -91,7 +92,7 @@ def add_to(commands: Any) -> None:
         "--bound", nargs="?", type=int, const=1, metavar="N",
         help="add the best commands for motions known in advance, searched from the N best runs of each case (1)",
     )  # fmt: skip
-    p.add_argument("--tune", action="store_true", help="tune controllers that have no setting for this model")
+    p.add_argument("--tune", action="store_true", help="tune the named controllers anew, on loads of their own")
     p.add_argument(
         "--jobs", type=int, default=-1, help="processes (default: all cores); the answer is the same"
     )
@@ -139,7 +140,7 @@ def _compare(a: argparse.Namespace) -> str:
     period = None if a.period is None else 1e-3 * a.period
     bench = bench_of(
         a.environment,
-        a.model,
+        None if a.model is None else named_model(str(a.model)),
         command_unit=a.command_unit,
         period=period,
         engine=a.engine,

@@ -300,10 +300,14 @@ class Bench(ABC):
         return np.asarray(self.structure.forces(load))
 
     def likeness(self, load: Any) -> str:
-        """Of a load's duration and its forces over their peak: that of loads which differ by a factor is the same."""
+        """Of a load's forces over their peak, from the first to the last that is not zero, and their sample time: that
+        of loads which differ by a factor or by rest at their ends is the same."""
         forces = self.forces(load)
         peak = forces.flat[np.abs(forces).argmax()] or 1.0
-        return digest([f"{load.duration:.9g}", (np.round(forces / peak, 6) + 0.0).tobytes().hex()])
+        step = load.duration / max(len(forces) - 1, 1)
+        acting = np.flatnonzero(np.any(forces != 0.0, axis=tuple(range(1, forces.ndim))))
+        shape = np.round(forces[acting[0] : acting[-1] + 1] / peak, 6) + 0.0 if len(acting) else forces
+        return digest([f"{step:.3g}", shape.tobytes().hex()])
 
     def identity(self) -> str:
         """What tuned settings belong to, as a hash."""

@@ -48,6 +48,8 @@ def bench_of(
     """
     if structure not in STRUCTURES and not NAMED.fullmatch(structure):
         raise InputError(f"environment {structure!r} is unknown; there are {', '.join(STRUCTURES)}, file.py:NAME")
+    if command_unit not in (None, "A", "V"):
+        raise InputError(f"command_unit is {command_unit!r}; allowed: A, V")
     kind = STRUCTURES.get(structure)
     unit = command_unit or ("V" if model is None else "A")
     read = model if model is None or isinstance(model, Model) else Model.read(model)

@@ -92,7 +92,11 @@ def compare(
         if list(amplitudes).count(amplitude) > 1:
             raise InputError(f"compare: amplitude {amplitude:g} is given twice; allowed: each once")
     for load in loads:
-        if not np.any(bench.forces(load)):
+        try:
+            forces = bench.forces(load)
+        except AttributeError as error:
+            raise InputError(f"{load!r:.80} is no load of a {bench.environment}: {error}") from None
+        if not np.any(forces):
             raise InputError(f"{load.name}: the load is zero throughout; there is nothing to control")
     given, loads = loads, distinct(bench, loads)
     cases = list(itertools.product(loads, amplitudes))
@@ -123,7 +127,8 @@ def compare(
 
 
 def distinct(bench: Bench, loads: Sequence[AnyLoad]) -> list[AnyLoad]:
-    """The loads without those that are an earlier one but for a factor: intervals are over independent loads."""
+    """The loads without those that are an earlier one but for a factor or rest at the ends: intervals are over
+    independent loads."""
     found: dict[str, AnyLoad] = {}
     for load in loads:
         found.setdefault(bench.likeness(load), load)
@@ -133,8 +138,8 @@ def distinct(bench: Bench, loads: Sequence[AnyLoad]) -> list[AnyLoad]:
 def _notes(
     bench: Bench, contenders: Sequence[Contender], given: Sequence[Load], loads: Sequence[Load]
 ) -> Iterator[str]:
-    if len(loads) < len(given):
-        yield f"{len(given) - len(loads)} of {len(given)} loads repeat another up to a factor and are left out"
+    if again := len(given) - len(loads):
+        yield f"{again} of {len(given)} loads repeat another up to a factor or rest and are left out"
     if any(c.periods for c in contenders):
         known = {bench.likeness(load) for load in bench.tuning_loads()}
         same = dict.fromkeys(load.name for load in loads if bench.likeness(load) in known)
@@ -148,6 +153,9 @@ def _notes(
             yield f"{c.repeated} of {len(c.specs) + c.repeated} policies of {c.name} repeat another and are left out"
         if c.learned and c.periods == 0:
             yield f"{c.name} is untrained: no evaluation of its training was better than its start's"
-        about = Policy.read(c.specs[0].partition(":")[2]).about if c.learned else {}
+        policy = Policy.read(c.specs[0].partition(":")[2]) if c.learned else None
+        about = {} if policy is None else policy.about
+        if policy is not None and policy.dampers < bench.site.dampers:
+            yield f"{c.name} was trained with one damper; its command is given to all {bench.site.dampers}"
         if about.get("structure", bench.structure.identity) != bench.structure.identity:
             yield f"{c.name} was trained on another version of {bench.environment}: other matrices or places"

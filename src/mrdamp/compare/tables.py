@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mrdamp.compare.bench import WITHOUT, Bench
+from mrdamp.compare.bench import Bench
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.shares import by_load, share
 from mrdamp.compare.summary import Summary, difference
@@ -19,11 +19,9 @@ Row = tuple[str, ...]
 
 def note(bench: Bench) -> str:
     """What the table of means holds."""
-    over = (
-        "J1 to J6, J12 and RMS motion are over the structure without a damper, J11 over its weight"
-        if bench.reference == WITHOUT
-        else f"Ratios are over {bench.reference}"
-    )
+    over = f"Ratios are over {bench.reference}"
+    if bench.environment == "frame":
+        over = "J1 to J6 and J12 are over the structure without a damper, J11 over its weight"
     return f"Mean over motions (or loads), amplitudes and seeds, the worst case in parentheses. {over}."
 
 
