@@ -102,5 +102,6 @@ def test_wrong_values_are_told_in_a_line(given: dict[str, Any], said: str) -> No
 
 def test_a_policy_of_one_damper_on_two_is_told_of() -> None:
     bench = bench_of("frame", engine="chain", dampers=[(0, 1), (1, 2)])
-    found = compare(bench, contenders(bench, ["learned"], {}, shipped_policies("frame")), [kanai_tajimi(3, duration=2.0)], [1.0])
+    rows = contenders(bench, ["learned"], {}, shipped_policies("frame"))
+    found = compare(bench, rows, [kanai_tajimi(3, duration=2.0)], [1.0])
     assert "learned was trained with one damper; its command is given to all 2" in found.notes
