@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.constants import MATERIAL, UNNAMED_GAP, UNSTEADY
+from mrdamp.diagnosis.constants import MATERIAL, UNSTEADY
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
 from mrdamp.diagnosis.evidence.judgement import decided, likely, never_worse
 from mrdamp.diagnosis.evidence.verdict import Decision
@@ -35,8 +35,8 @@ def answered() -> tuple[Search, list[Fit], Decision]:
         ("effect", 1.01 * np.sqrt(1 - MATERIAL), False, False),
         ("effect", 0.99, True, True),
         ("effect", 1.01, True, False),
-        ("unknown", 0.99 * UNNAMED_GAP, False, True),
-        ("unknown", 1.01 * UNNAMED_GAP, False, False),
+        ("unknown", 0.99 * np.sqrt(1 - MATERIAL), False, True),
+        ("unknown", 1.01 * np.sqrt(1 - MATERIAL), False, False),
         ("parameters", 0.99, False, True),
         ("parameters", 1.01, False, False),
         ("none", 2.0, False, True),

@@ -74,11 +74,10 @@ TIED_BY_NATURE = (
 #: If a model of the same inputs predicts more than this share of the residual on left-out records, the
 #: residual is an error of the law.
 PREDICTABLE = 0.15
-#: With a law that is not the rig's, a cause is named if it takes at least this share of the nominal squares off on
-#: left-out folds, and a correction without a named cause is handed over if it leaves no more than UNNAMED_GAP of the
-#: nominal gap there. An effect that makes the gap 1.2 times as large (the smallest of the benches) is .3 of the
+#: A cause is named, and a correction without one handed over, if it takes at least this share of the nominal squares
+#: off on left-out folds. An effect that makes the gap 1.2 times as large (the smallest of the benches) is .3 of the
 #: squares; two causes that were invented on opened controls took .03 and .10.
-MATERIAL, UNNAMED_GAP = 0.15, 0.85
+MATERIAL = 0.15
 #: The law identified again on the baseline is used if its gap on baseline records outside its fit is below this
 #: share of the given simulator's. On 24 opened rigs of the misfit bench the share was .08 to .76 if another law
 #: or a curved dependence on the command was the rig's, and .87 to 1 otherwise.

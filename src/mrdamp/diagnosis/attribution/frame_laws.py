@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamp.diagnosis.attribution.frame_damper import damper_alone, with_law
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.constants import LAW_FORMS, LAW_NEEDLESS, UNNAMED_GAP
+from mrdamp.diagnosis.constants import LAW_FORMS, LAW_NEEDLESS, MATERIAL
 from mrdamp.diagnosis.fits.final import FinalFit, heldout
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
@@ -112,10 +112,10 @@ def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> Ot
 
 def law_handed_over(other: OtherLaw, final: FinalFit) -> FinalFit | None:
     """The simulator with another law, in place of the final one; None if it leaves more of left-out records than that,
-    or than UNNAMED_GAP of the nominal gap."""
+    or takes less than MATERIAL of the nominal squares off."""
     own = final.problem
     nominal = pooled(own.gaps(own.nominal()))
-    if not pooled(other.left_out) < min(pooled(final.heldout), UNNAMED_GAP * nominal):
+    if not pooled(other.left_out) < min(pooled(final.heldout), (1 - MATERIAL) ** 0.5 * nominal):
         return None
     problem = own.like(with_model(own.rig, other.model))
     return FinalFit(fit(problem, Hypothesis(()), np.zeros(0), most=0), other.left_out, problem)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.diagnosis.constants import MATERIAL, UNNAMED_GAP, UNSTEADY
+from mrdamp.diagnosis.constants import MATERIAL, UNSTEADY
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
 from mrdamp.diagnosis.evidence.penalties import of_baseline, of_itself
 from mrdamp.diagnosis.evidence.verdict import (
@@ -136,24 +136,21 @@ def never_worse(
     """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
     it on left-out whole records, or if no model file takes it.
 
-    A named cause has to take MATERIAL of the nominal squares off on left-out folds, in all or in the cells; one that
-    channels show without a law may be small. Without a cause the fit is a correction without a reason, and has to
-    reduce the gap in the cells to UNNAMED_GAP of the nominal one.
+    The fit has to take MATERIAL of the nominal squares off on left-out folds, in all or in the cells; a cause that
+    channels show without a law may be small.
     """
     if decision.verdict == "none":
         return final, decision
     problem = final.problem
     nominal = fit(problem, Hypothesis(()), np.zeros(0), most=0)
     gaps = problem.gaps(nominal.residual)
-    reason = True
-    if decision.verdict in ("effect", "unknown"):
+    reason = decision.verdict == "parameters"
+    if not reason:
         chosen = least_left_out(search, fits[decision.chosen.index])
-        left, most = search.ratio(search.predicted(chosen), search.residual), UNNAMED_GAP**2
-        if decision.verdict == "effect":
-            left = min(left, search.left_out_cost(chosen) / search.nominal_cost)
-            seen = any(search.direct.get(cause) for cause in decision.chosen.causes)
-            most = 1.0 if seen else 1 - MATERIAL
-        reason = left <= most
+        left = search.ratio(search.predicted(chosen), search.residual)
+        seen = decision.verdict == "effect" and any(search.direct.get(cause) for cause in decision.chosen.causes)
+        most = 1.0 if seen else 1 - MATERIAL
+        reason = min(left, search.left_out_cost(chosen) / search.nominal_cost) <= most
     if reason and problem.cost(final.heldout) <= problem.cost(gaps) and in_file(problem.rig, final.fit):
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
