@@ -18,10 +18,8 @@ from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, wavering
 from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.evidence.resample import DRAWS
-from mrdamp.diagnosis.fits.least_squares import fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
@@ -177,23 +175,6 @@ def test_the_stage_of_a_fault_that_no_catalogue_has(fault: Fault, stage: str) ->
     assert shares[stage] > 0.5
     low, high = stage_intervals(search, search.base, "unknown", (), None, evidence)[stage]
     assert low - 1e-9 <= shares[stage] <= high + 1e-9
-
-
-@pytest.mark.slow
-def test_a_fit_that_tells_no_more_than_the_laws_numbers_says_nothing_of_its_stage() -> None:
-    """A sensor's fit that leaves what the freed law leaves as well does not make the sensor the stage."""
-    search = searched(magnet)
-    problem = search.problem
-    law = fit(problem, Hypothesis(problem.rig.nominal), np.zeros(len(problem.rig.nominal)))
-    plain = StageEvidence.of(problem, NOISE)
-    held = StageEvidence.of(problem, NOISE, {"sensor": law}, law)
-    counted = StageEvidence.of(problem, NOISE, {"sensor": law})
-    assert plain is not None
-    assert held is not None
-    assert counted is not None
-    assert held.at() == pytest.approx(plain.at())
-    at = plain.stages.index("sensor")
-    assert counted.values[0][at] > plain.values[0][at] + 1  # without that rule it would have
 
 
 def test_behind_a_load_cell_the_sensor_is_the_reading_of_the_displacement() -> None:

@@ -107,13 +107,9 @@ BLOCK_FAULT = 1.35
 #: If no cause explains the gap, the share of a stage is proportional to this power of what its effects
 #: explain at best.
 STAGE_SHARPNESS = 3.0
-#: Number of independent samples, out of INDEPENDENT, that the likelihood of an intermittent error counts for;
-#: such a model can follow nearly any error. If no model explains TOUCHED (share of the error), it is the only
-#: evidence and counts for up to UNTOUCHED more.
-WAVERING, UNTOUCHED, TOUCHED = 4.0, 200.0, 0.3
-#: A fit is evidence for its effects' stage if it leaves at most this share of the cost of free nominal
-#: parameters.
-STAGE_TELLS = 0.8
+#: The same number for an error that is intermittent, as far as no model explains it. Of 15 opened dampers with a cause
+#: that neither the catalogue nor a rival has, the stage is right in 14 from 14 to 200.
+WAVERING = 50.0
 #: Stages whose errors are commonly random in time, and the penalty (nats) of a random error in another stage.
 RANDOM_STAGES, RANDOM_PENALTY = ("driver", "fluid", "sensor"), 1.0
 #: Least scatter (relative) of nominal masses and stiffnesses; factor of it for damping; number of independent

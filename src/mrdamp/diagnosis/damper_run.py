@@ -9,7 +9,7 @@ import numpy as np
 
 from mrdamp.diagnosis.attribution.interfaces import parts
 from mrdamp.diagnosis.attribution.shares import Regime
-from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, of_one_stage
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.coverage import within
@@ -124,8 +124,7 @@ class DamperSearched(Searched):
         search, put_in = self.search, parts(self.rig, float(self.noise.levels[0]))
         evidence = None
         if verdict == "unknown":
-            level, near = float(self.noise.levels[-1]), of_one_stage(search)
-            evidence = StageEvidence.of(search.problem, level, near, search.base)
+            evidence = StageEvidence.of(search.problem, float(self.noise.levels[-1]))
         stages = stage_shares(search, chosen, verdict, put_in.found, evidence)
         return Where(
             stages=in_sensor(stages) if sensor_unexplained(self.compared) else stages,

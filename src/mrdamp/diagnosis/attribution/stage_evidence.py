@@ -1,39 +1,26 @@
 """Stage of an unknown cause: how well each stage's own variables predict the error on left-out records.
 
-Each stage has four models of the nominal simulator's error:
+Each stage has three models of the nominal simulator's error:
 
 - the nominal parameters and the stage's columns (`stage_columns`), by ridge regression on the other records;
 - the nominal parameters alone, for an error that is random in time;
-- one factor for each record, for an error that differs between records;
-- the best fit with effects of the catalogue from this stage.
+- one factor for each record, for an error that differs between records.
 
-The remainder of each model is tested for an intermittent error of the stage: the stage's gain times an
-independent random factor in every window. Such an error vanishes and changes sign with the gain. Its log
-likelihood is added to that of a white remainder.
+Their remainders are white noise. As far as none of them explains the error, an intermittent error of the stage counts
+besides: its gain times an independent random factor in every window, which vanishes and changes sign with the gain.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.diagnosis.attribution.stage_columns import Columns, columns_of
-from mrdamp.diagnosis.constants import (
-    INDEPENDENT,
-    NUMBER,
-    RANDOM_PENALTY,
-    RANDOM_STAGES,
-    STAGE_TELLS,
-    TOUCHED,
-    UNTOUCHED,
-    WAVERING,
-)
+from mrdamp.diagnosis.constants import INDEPENDENT, NUMBER, RANDOM_PENALTY, RANDOM_STAGES, WAVERING
 from mrdamp.diagnosis.evidence.resample import draws, seconds
-from mrdamp.diagnosis.fits.least_squares import Fit
-from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -61,14 +48,9 @@ class StageEvidence:
     values: Array
 
     @classmethod
-    def of(
-        cls, problem: Problem, noise: float, found: Mapping[str, Fit] | None = None, base: Fit | None = None
-    ) -> StageEvidence | None:
-        """Evidence from the nominal simulator's error in a damper's last channel; None for another rig.
-
-        noise: standard deviation, N. found: for each stage the best fit with effects of this stage alone.
-        base: the fit without effects and with free nominal parameters.
-        """
+    def of(cls, problem: Problem, noise: float) -> StageEvidence | None:
+        """Evidence from the nominal simulator's error in a damper's last channel; None for another rig. noise: standard
+        deviation, N."""
         if not isinstance(problem.rig, DamperRig):
             return None
         errors = _Errors(problem)
@@ -76,33 +58,20 @@ class StageEvidence:
         level = noise**2 * float(np.mean([u**2 for u in errors.units]))
         plain: dict[str, Array] = {}
         evidence: dict[str, Array] = {}
-        laws = [law, errors.weighted]
-        most = np.inf if base is None else STAGE_TELLS * _cost(errors.parts(base.residual))
         costs = [_cost(law)]
         for name, own in columns_of(problem, problem.rig).items():
             stage = "sensor" if name == "reading" else name
-            models = [(errors.left(own.columns), 0.0)]
-            f = (found or {}).get(stage)
-            if f is not None and _cost(errors.parts(f.residual)) < most:
-                penalty = NUMBER * (len(f.point) - len(f.hypothesis.nominal))
-                models.append((errors.parts(f.residual), penalty))
             rare = 0.0 if name in RANDOM_STAGES else RANDOM_PENALTY
-            models.append((errors.by_record(own), NUMBER * len(own.gains) + rare))
+            models = (errors.left(own.columns), 0.0), (errors.by_record(own), NUMBER * len(own.gains) + rare)
             costs += [_cost(left) for left, _ in models]
-            models += [(left, rare) for left in laws]
-            means = [errors.likelihoods(left, own, level) for left, _ in models]
-            values = [
-                (INDEPENDENT - WAVERING) * white + WAVERING * mean - penalty
-                for (_, penalty), (white, mean) in zip(models, means, strict=True)
-            ]
-            best = np.max(values, axis=0)
+            values = [INDEPENDENT * errors.white(left) - penalty for left, penalty in (*models, (law, rare))]
+            best, wavers = np.max(values, axis=0), errors.wavering(own, level)
             evidence[stage] = np.maximum(best, evidence.get(stage, best))
-            plain[stage] = np.maximum(means[-1][1], plain.get(stage, means[-1][1]))
-        explained = 1 - min(costs) / max(costs[0], 1e-30)
-        untouched = max(1 - explained / TOUCHED, 0.0)
+            plain[stage] = np.maximum(wavers, plain.get(stage, wavers))
+        unexplained = min(costs) / max(costs[0], 1e-30)
         for stage in evidence:
             rare = 0.0 if stage in RANDOM_STAGES else RANDOM_PENALTY
-            evidence[stage] = evidence[stage] + untouched * (UNTOUCHED * plain[stage] - rare)
+            evidence[stage] = evidence[stage] + unexplained * (WAVERING * plain[stage] - rare)
         return cls(tuple(evidence), np.column_stack(list(evidence.values())))
 
     def at(self, draw: int | None = None) -> dict[str, float]:
@@ -169,24 +138,23 @@ class _Errors:
             found.append([e - c * g for e, c, g in zip(self.weighted, scale, gains, strict=True)])
         return min(found, key=_cost)
 
-    def likelihoods(self, left: Sequence[Array], own: Columns, level: float) -> tuple[Array, Array]:
-        """Mean log likelihoods (1 + draws,) of a model's remainder: as white noise, and as an intermittent
-        error with the best of the stage's gains."""
-        errors = [e * np.sqrt(len(e)) for e in left]
-        squares = self._by_second([e**2 for e in errors])
-        counts = self._by_second([np.ones(len(e)) for e in errors])
-        white = -0.5 * np.log(np.maximum(squares / counts, 1e-30)) - 0.5
+    def white(self, left: Sequence[Array]) -> Array:
+        """Mean log likelihood (1 + draws,) of a model's remainder as white noise."""
+        count = self._drawn.shape[1]
+        parts = [np.concatenate([len(e) * e**2 for e in left]), np.ones(sum(map(len, left)))]
+        second = np.concatenate(self._seconds)
+        squares, counts = (self._draw(np.bincount(second, p, minlength=count).astype(float)) for p in parts)
+        return -0.5 * np.log(np.maximum(squares / counts, 1e-30)) - 0.5
+
+    def wavering(self, own: Columns, level: float) -> Array:
+        """Mean log likelihood (1 + draws,) of the error as an intermittent one with the best of the stage's gains."""
+        errors = [e * np.sqrt(len(e)) for e in self.weighted]
         means = []
         for kind in range(len(own.gains[0])):
             gains = [u * g[kind] for u, g in zip(self.units, own.gains, strict=True)]
             values, samples = wavering(errors, gains, self._times, level, self._seconds, self._drawn.shape[1])
             means.append(self._draw(values) / np.maximum(self._draw(samples), 1e-30))
-        return white, np.max(means, axis=0)
-
-    def _by_second(self, values: Sequence[Array]) -> Array:
-        count = self._drawn.shape[1]
-        sums = np.bincount(np.concatenate(self._seconds), np.concatenate(values), minlength=count)
-        return self._draw(sums.astype(float))
+        return np.asarray(np.max(means, axis=0))
 
     def _draw(self, sums: Array) -> Array:
         """Sums (seconds,): over all seconds, then in each draw (1 + draws,)."""
@@ -240,14 +208,3 @@ def wavering(
 
 def _cost(parts: Sequence[Array]) -> float:
     return sum(float(e @ e) for e in parts)
-
-
-def of_one_stage(search: Search) -> dict[str, Fit]:
-    """The best fit of a search for each stage with effects of that stage alone, rivals included."""
-    out: dict[str, Fit] = {}
-    for f in [*search.fits.values(), *search.rivals]:
-        stages = {t.stage for t in f.hypothesis.terms}
-        if len(stages) == 1:
-            stage = stages.pop()
-            out[stage] = min(out.get(stage, f), f, key=lambda one: one.cost)
-    return out
