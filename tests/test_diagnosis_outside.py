@@ -50,7 +50,7 @@ def test_a_rival_that_explains_more_makes_the_answer_unknown() -> None:
     assert search.looks_like.settings["fifth"] == pytest.approx(0.5, rel=0.05)
     # The simulator can be given no rival: the chosen fit is the catalogue's.
     assert "fifth" not in decision.chosen.causes
-    shares = stage_shares(search, search.base, "unknown")
+    shares, _ = stage_shares(search, search.base, "unknown")
     assert shares["mechanics"] == 1.0
 
 

@@ -12,7 +12,8 @@ from scipy.signal import lfilter
 
 from mrdamp.diagnosis.attribution.interfaces import parts
 from mrdamp.diagnosis.attribution.shares import Measured
-from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
+from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.resample import draws, of_records, seconds, spread
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
@@ -146,8 +147,7 @@ def test_intervals_of_shares_hold_the_shares_and_widen_with_the_noise() -> None:
         search = searched({"sign": 0.6, "offset": 0.3}, noise)
         fits, decision = judge(search)
         chosen = fits[decision.chosen.index]
-        shares = stage_shares(search, chosen, decision.verdict)
-        found = stage_intervals(search, chosen, decision.verdict)
+        shares, found = stage_shares(search, chosen, decision.verdict)
         assert set(found) == set(shares)
         for stage, (low, high) in found.items():
             assert low - 1e-9 <= shares[stage] <= high + 1e-9, stage
@@ -162,16 +162,17 @@ def test_what_was_measured_goes_before_what_comes_near() -> None:
     fits, decision = judge(search)
     chosen = fits[decision.chosen.index]
     assert decision.verdict == "unknown"
-    near = stage_shares(search, chosen, "unknown")
+    near = {"driver": 0.1, "fluid": 0.3, "mechanics": 0.2, "sensor": 0.4}
+    evidence = StageEvidence(tuple(near), np.log(np.tile(list(near.values()), (401, 1))))
     parted = (
         Measured("a", ("driver", "fluid", "mechanics"), 0.9, (0.8, 1.0)),
         Measured("b", ("sensor",), 0.1, (0.0, 0.2)),
     )
-    shares = stage_shares(search, chosen, "unknown", parted)
-    assert shares["sensor"] == pytest.approx(0.1)
-    assert shares["fluid"] / shares["mechanics"] == pytest.approx(near["fluid"] / near["mechanics"])
     drawn = np.column_stack([np.linspace(0.8, 1.0, 400), np.linspace(0.2, 0.0, 400)])
-    low, high = stage_intervals(search, chosen, "unknown", parted, drawn)["sensor"]
+    shares, found = stage_shares(search, chosen, "unknown", parted, drawn, evidence)
+    assert shares["sensor"] == pytest.approx(0.1)
+    assert shares["fluid"] / shares["mechanics"] == pytest.approx(1.5)
+    low, high = found["sensor"]
     assert low == pytest.approx(0.005, abs=0.01)
     assert high == pytest.approx(0.195, abs=0.01)
 

@@ -23,7 +23,7 @@ def test_a_free_law_gets_what_it_changed_and_not_what_it_could_take() -> None:
     hypothesis = Hypothesis(rig.nominal, tuple(t for t in rig.terms if t.effect == "cubic"))
     chosen = fit(problem, hypothesis, hypothesis.start(), tolerance=1e-8)
     assert search.base.cost < 0.3 * search.nominal_cost  # alone, the law does most of it
-    shares = stage_shares(search, chosen, "effect")
+    shares, _ = stage_shares(search, chosen, "effect")
     cubic, gain = 0.5 * X3, 0.02 * X1
     whole = cubic + gain
     assert shares["fluid"] == pytest.approx(1.0)  # the toy's cubic part and the law are of one stage

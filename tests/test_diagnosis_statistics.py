@@ -119,7 +119,7 @@ def test_workers_change_nothing() -> None:
 def test_stage_shares_follow_what_each_cause_explains() -> None:
     search = searched({"sign": 0.6, "offset": 0.2}, noise=0.01)
     fits, decision = judge(search)
-    shares = stage_shares(search, fits[decision.chosen.index], decision.verdict)
+    shares, _ = stage_shares(search, fits[decision.chosen.index], decision.verdict)
     assert sum(shares.values()) == pytest.approx(1.0)
     # Orthogonal parts: shares go by the squares, 0.36 to 0.04.
     assert shares["mechanics"] == pytest.approx(0.9, abs=0.03)

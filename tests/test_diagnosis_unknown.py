@@ -15,7 +15,7 @@ from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
 from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.attribution.stage_columns import columns_of, play
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, wavering
-from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
+from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.evidence.resample import DRAWS
 from mrdamp.diagnosis.fits.limits import Limits
@@ -169,11 +169,11 @@ def test_the_stage_of_a_fault_that_no_catalogue_has(fault: Fault, stage: str) ->
     search = searched(fault)
     evidence = StageEvidence.of(search.problem, NOISE)
     assert evidence is not None
-    shares = stage_shares(search, search.base, "unknown", (), evidence)
+    shares, intervals = stage_shares(search, search.base, "unknown", evidence=evidence)
     assert sum(shares.values()) == pytest.approx(1.0)
     assert max(shares, key=lambda s: shares[s]) == stage
     assert shares[stage] > 0.5
-    low, high = stage_intervals(search, search.base, "unknown", (), None, evidence)[stage]
+    low, high = intervals[stage]
     assert low - 1e-9 <= shares[stage] <= high + 1e-9
 
 
@@ -186,7 +186,7 @@ def test_behind_a_load_cell_the_sensor_is_the_reading_of_the_displacement() -> N
         Measured("a", ("driver", "magnetics", "fluid", "mechanics", "mount"), 0.9, (0.8, 1.0)),
         Measured("b", ("sensor",), 0.1, (0.0, 0.2)),
     )
-    shares = stage_shares(search, search.base, "unknown", parts, evidence)
+    shares, _ = stage_shares(search, search.base, "unknown", parts, evidence=evidence)
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares["sensor"] > 0.9
     assert "sensor" not in columns_of(search.problem, search.problem.rig)  # type: ignore[arg-type]

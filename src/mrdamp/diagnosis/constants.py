@@ -104,9 +104,6 @@ TIE_COSINE, TIE_PROBABLE = 0.98, 0.1
 HIDDEN_BELOW = 0.1
 #: A frame's block is faulty if its gap exceeds this multiple of its noise.
 BLOCK_FAULT = 1.35
-#: If no cause explains the gap, the share of a stage is proportional to this power of what its effects
-#: explain at best.
-STAGE_SHARPNESS = 3.0
 #: The same number for an error that is intermittent, as far as no model explains it. Of 15 opened dampers with a cause
 #: that neither the catalogue nor a rival has, the stage is right in 14 from 14 to 200.
 WAVERING = 50.0

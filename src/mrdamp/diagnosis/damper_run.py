@@ -10,7 +10,7 @@ import numpy as np
 from mrdamp.diagnosis.attribution.interfaces import parts
 from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
-from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
+from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.coverage import within
 from mrdamp.diagnosis.case.folder import Case
@@ -125,10 +125,11 @@ class DamperSearched(Searched):
         evidence = None
         if verdict == "unknown":
             evidence = StageEvidence.of(search.problem, float(self.noise.levels[-1]))
-        stages = stage_shares(search, chosen, verdict, put_in.found, evidence)
+        drawn = put_in.drawn if put_in.found else None
+        stages, intervals = stage_shares(search, chosen, verdict, put_in.found, drawn, evidence)
         return Where(
             stages=in_sensor(stages) if sensor_unexplained(self.compared) else stages,
-            intervals=stage_intervals(search, chosen, verdict, put_in.found, put_in.drawn, evidence),
+            intervals=intervals,
             measured=put_in.found,
             records=records,
             regimes=regimes,

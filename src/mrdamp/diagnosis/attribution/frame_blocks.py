@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
-from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
+from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.balances import BAND, Balances
 from mrdamp.diagnosis.constants import BLOCK_FAULT
@@ -124,11 +124,11 @@ def shares_by_stage(
     With named effects: their parts in the change of the channels. With a cause outside the catalogue: its stage.
     Without either: the shares of the faulty blocks. The damper's share counts as fluid if its parameters are wrong. If
     its cause is unknown, it is divided by the evidence of its stages (`evidence`), which is drawn as the blocks are,
-    or, without that, by what the stages' effects explain.
+    or, without that, evenly.
     """
     if verdict == "effect" and chosen.hypothesis.terms:
-        return stage_shares(search, chosen, verdict), stage_intervals(search, chosen, verdict)
-    nearest = stage_shares(search, chosen, verdict)
+        return stage_shares(search, chosen, verdict)
+    nearest, _ = stage_shares(search, chosen, verdict)
     if search.looks_like is not None:
         return {s: nearest.get(s, 0.0) for s in STAGES}, {}
     rows = [

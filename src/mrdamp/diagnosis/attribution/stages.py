@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrdamp.diagnosis.attribution.shares import Measured, Regime
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
-from mrdamp.diagnosis.constants import STAGE_SHARPNESS
 from mrdamp.diagnosis.evidence.resample import Interval, draws, group_sums, interval, seconds
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
@@ -27,47 +26,40 @@ def stage_shares(
     chosen: Fit,
     verdict: str,
     measured: Sequence[Measured] = (),
+    drawn: Array | None = None,
     evidence: StageEvidence | None = None,
-) -> dict[str, float]:
-    """Shares of the gap by stage, adding up to 1.
+) -> tuple[dict[str, float], dict[str, Interval]]:
+    """Shares of the gap by stage, adding up to 1, and their 95 % intervals by bootstrap over seconds; none if the
+    shares follow by definition.
 
     With named causes: the covariance of each cause's change of the simulated channels, at its fitted
     parameters, with the whole change. Changes of nominal parameters count as fluid. Without a cause
-    (`unknown`): the evidence of each stage (`evidence`) or, if the rig has none, what the effects of each
-    stage explain at best, raised to a power. Measured interfaces (`measured`) take precedence. If a cause
-    outside the catalogue explains the gap, its stage has the whole share.
+    (`unknown`): that of the cause outside the catalogue that explains the gap, else the evidence of each stage
+    (`evidence`), even shares without any. Measured interfaces (`measured`; drawn (draws, measured): their shares in the
+    same draws) take precedence.
     """
-    if verdict == "effect" and chosen.hypothesis.terms:
-        return _of_changes(search, Changes.of(search, chosen).table.sum(axis=0), chosen)
-    shares = [m.share for m in measured]
-    return _shares(search, verdict, shares, measured, lambda f: f.cost, evidence.at() if evidence else {})
-
-
-def stage_intervals(
-    search: Search,
-    chosen: Fit,
-    verdict: str,
-    measured: Sequence[Measured] = (),
-    drawn: Array | None = None,
-    evidence: StageEvidence | None = None,
-) -> dict[str, Interval]:
-    """95 % intervals of `stage_shares` by bootstrap over seconds; empty if the shares follow by definition.
-
-    drawn (draws, measured): the measured shares in the same draws. Fits are not repeated: at its optimum a
-    cost does not change with the parameters to first order.
-    """
+    stages = [s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)]
     if verdict == "effect" and chosen.hypothesis.terms:
         table = Changes.of(search, chosen).table
-        rows = [_of_changes(search, sums, chosen) for sums in draws(len(table)) @ table]
-    elif verdict == "unknown":
-        costs = DrawnCosts.of(search)
-        parts = drawn if measured and drawn is not None else np.zeros((costs.count, len(measured)))
-        rows = [
-            _shares(search, verdict, own.tolist(), measured, costs.at(k), evidence.at(k) if evidence else {})
-            for k, own in enumerate(parts)
-        ]
-    else:
-        return {}
+        rows = [_of_changes(stages, sums, chosen) for sums in draws(len(table)) @ table]
+        return _of_changes(stages, table.sum(axis=0), chosen), _intervals(rows)
+    if verdict != "unknown":
+        return {s: float(s == LAW_STAGE) for s in stages}, {}
+    if search.looks_like is not None:
+        (term,) = search.looks_like.hypothesis.terms
+        return {s: float(s == term.stage) for s in stages}, {}
+    if evidence is None:
+        return {s: 1 / len(stages) for s in stages}, {}
+
+    def within(parts: Sequence[float], found: Mapping[str, float]) -> dict[str, float]:
+        return _within({s: found.get(s, 0.0) for s in stages}, parts, measured)
+
+    parts = np.zeros((len(evidence.values) - 1, len(measured))) if drawn is None else drawn
+    rows = [within(own.tolist(), evidence.at(k)) for k, own in enumerate(parts)]
+    return within([m.share for m in measured], evidence.at()), _intervals(rows)
+
+
+def _intervals(rows: Sequence[Mapping[str, float]]) -> dict[str, Interval]:
     return {s: interval(np.array([row[s] for row in rows])) for s in rows[0]}
 
 
@@ -112,38 +104,14 @@ class Changes:
         return cls(group_sums(change * whole[:, None], seconds(search.problem)))
 
 
-def _of_changes(search: Search, sums: Array, chosen: Fit) -> dict[str, float]:
+def _of_changes(stages: Sequence[str], sums: Array, chosen: Fit) -> dict[str, float]:
     """Shares of the stages from the sums (parts,) of `Changes`."""
-    shares = dict.fromkeys((s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)), 0.0)
+    shares = dict.fromkeys(stages, 0.0)
     stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
     for name, value in zip([*(stage[c] for c in chosen.hypothesis.causes), LAW_STAGE], sums, strict=True):
         shares[name] = shares.get(name, 0.0) + max(float(value), 0.0)
     total = sum(shares.values())
     return {s: v / total if total > 0 else 1 / len(shares) for s, v in shares.items()}
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnCosts:
-    """Costs of all fits of a search in bootstrap draws of seconds: table (draws, fits), column by the fit's
-    id."""
-
-    table: Array
-    column: Mapping[int, int]
-
-    @classmethod
-    def of(cls, search: Search) -> DrawnCosts:
-        """Costs of all fits found so far."""
-        fits, groups = list(search.fits.values()), seconds(search.problem)
-        sums = group_sums(np.column_stack([f.residual for f in fits]) ** 2, groups)
-        return cls(draws(len(sums)) @ sums, {id(f): k for k, f in enumerate(fits)})
-
-    @property
-    def count(self) -> int:
-        return len(self.table)
-
-    def at(self, draw: int) -> Callable[[Fit], float]:
-        """Function that gives the cost of a fit in a draw."""
-        return lambda f: float(self.table[draw, self.column[id(f)]])
 
 
 def cause_shares(search: Search, chosen: Fit) -> dict[str, float]:
@@ -152,43 +120,6 @@ def cause_shares(search: Search, chosen: Fit) -> dict[str, float]:
     sums = np.maximum(Changes.of(search, chosen).table.sum(axis=0), 0.0)
     parts = (1 - search.unexplained(chosen)) * sums / max(float(sums.sum()), 1e-300)
     return dict(zip(chosen.hypothesis.causes, parts[:-1].tolist(), strict=True))
-
-
-def _shares(
-    search: Search,
-    verdict: str,
-    parts: Sequence[float],
-    measured: Sequence[Measured],
-    cost: Callable[[Fit], float],
-    by_evidence: Mapping[str, float],
-) -> dict[str, float]:
-    stages = [s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)]
-    if verdict != "unknown":
-        return {s: float(s == LAW_STAGE) for s in stages}
-    if search.looks_like is not None:
-        (term,) = search.looks_like.hypothesis.terms
-        return {s: float(s == term.stage) for s in stages}
-    if by_evidence:
-        return _within({s: by_evidence.get(s, 0.0) for s in stages}, parts, measured)
-    weights = {s: value**STAGE_SHARPNESS for s, value in _explained(search, stages, cost).items()}
-    total = sum(weights.values())
-    return _within({s: value / total for s, value in weights.items()}, parts, measured)
-
-
-def _explained(search: Search, stages: Sequence[str], cost: Callable[[Fit], float]) -> dict[str, float]:
-    """Largest share of the cost beyond the noise that a stage's effects explain, with fixed or free nominal
-    parameters."""
-    nominal, base = (cost(search.fits[free, frozenset()]) for free in (False, True))
-    explained = dict.fromkeys(stages, 1e-3)
-    for free in (False, True):
-        before = base if free else nominal
-        for f in search.ranked(free):
-            of = {t.stage for t in f.hypothesis.terms}
-            if len(of) == 1 and before > search.floor:
-                share = (before - cost(f)) / (before - search.floor)
-                only = of.pop()
-                explained[only] = max(explained[only], share)
-    return explained
 
 
 def _within(
