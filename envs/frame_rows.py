@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.envs.plants import EngineRows
-from mrdamp.envs.sensors import FloorSensors
+from mrdamp.simulation.floor_sensors import FloorSensors
 
 if TYPE_CHECKING:
     pass

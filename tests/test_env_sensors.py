@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamp.envs.sensors import FloorSensors
 from mrdamp.model import core
 from mrdamp.model.core import Array, FrameInput
+from mrdamp.simulation.floor_sensors import FloorSensors
 
 PERIOD = 0.004
 LAW = dict.fromkeys(("c0a", "c0b", "fya", "fyb", "v_ref"), 0.0)

@@ -18,6 +18,7 @@ from mrdamp.compare.comparison import compare
 from mrdamp.compare.contenders import contenders
 from mrdamp.control.policy import Policy
 from mrdamp.envs import FrameEnv
+from mrdamp.model import Effect
 from refusals import refuses
 from test_own_controllers import BENCH, LOAD, OWN, write
 
@@ -134,3 +135,48 @@ def test_a_damper_mounted_the_other_way_round_is_driven_alike(learned: bool) -> 
     for key in ("mean_command", "J1", "J2"):
         name = one.contenders[0].name
         np.testing.assert_allclose(other.values[name][key], one.values[name][key], rtol=1e-6)
+
+
+class Watching:
+    """No command; remembers what it is given."""
+
+    name, period = "watching", 1e-3
+
+    def reset(self) -> None:
+        self.seen: list[Any] = []
+
+    def command(self, t: float, y: Any) -> float:
+        self.seen.append(dict(y))
+        return 1.0
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_controllers_see_what_sensors_read_and_are_judged_by_what_happens(engine: str) -> None:
+    """An accelerometer with a gain of 1.3 on floor 3 and an offset on floor 1, a force sensor with a gain of 1.25."""
+    effects = (
+        Effect("sensor_gain", {"g": 1.3}, place=3),
+        Effect("sensor_offset", {"f": 0.2}, place=1),
+        Effect("sensor_gain", {"g": 1.25}),
+    )
+    bench = replace(BENCH, engine=engine)
+    faulty = replace(bench, model=replace(bench.model, effects=(*bench.model.effects, *effects)))
+    watching = [Watching(), Watching()]
+    one, other = (b.driven(w, LOAD, 1.0) for b, w in zip((bench, faulty), watching, strict=True))
+    np.testing.assert_allclose(other.acceleration, one.acceleration, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(other.force, one.force, rtol=1e-9, atol=1e-9)
+    for name, gain, offset in (("acceleration_3", 1.3, 0.0), ("acceleration_1", 1.0, 0.2), ("force", 1.25, 0.0)):
+        true, read = (np.array([y[name] for y in w.seen]) for w in watching)
+        np.testing.assert_allclose(read, gain * true + offset, rtol=1e-9, atol=1e-9, err_msg=name)
+    first, second = (vars(b.criteria("constant", run)) for b, run in ((bench, one), (faulty, other)))
+    for key in ("peak_force", "dissipated_energy", "peak_acceleration"):
+        np.testing.assert_allclose(second[key], first[key], rtol=1e-9, err_msg=key)
+
+
+def test_what_controllers_are_told_is_said() -> None:
+    """And what a passive command is, is not told: it is the damper's."""
+    weak = {**BENCH.model.parameters, "command_max": 1.0}
+    slow = replace(BENCH.model, name="slow", parameters=weak, effects=(Effect("driver_lag", {"tau": 0.02}),))
+    told = replace(BENCH, told=slow, engine="chain")
+    assert "driver (20 ms)" in told.about()
+    assert "of slow in place of the true model" in told.about()
+    assert told.history("passive-on", LOAD, 1.0).command.max() == BENCH.model.parameters["command_max"]

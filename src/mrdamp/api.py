@@ -7,6 +7,7 @@ says what is wrong and what is allowed. progress: called with what is being done
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,9 +67,10 @@ def compare(
 
     structure: frame, cable or car. controllers: as of `mrdamp compare`; None: all. loads: ground motions or roads;
     None: the structure's own. amplitudes: factors on them; None: 1 for given loads. model: of the damper, or its file.
-    tune: tune again. bound: add the best commands for loads known in advance, searched for from so many runs. keep: a
+    tune: tune anew. bound: add the best commands for loads known in advance, searched for from so many runs. keep: a
     file that a stopped comparison goes on from. options: command_unit (A or V), period (s), engine (mujoco or chain),
-    and compression of the frame's time.
+    dampers and told (as in the command), and compression: a frame's ground motions are played five times as fast
+    without it, 1 plays them as they are.
     """
     from mrdamp.compare.benches import bench_of
     from mrdamp.compare.bound import with_bounds
@@ -94,6 +96,9 @@ def compare(
     factors = amplitudes or (bench.unseen_amplitudes if loads is None else (1.0,))
     common: dict[str, Any] = {"jobs": jobs, "keep": keep, "progress": progress}
     found = compared(bench, contenders(bench, names, settings, shipped), under, factors, **common)
+    speed = getattr(bench, "compression", 1.0)
+    if loads is not None and speed != 1.0:
+        found = replace(found, notes=(*found.notes, f"ground motions are played at {speed:g} times their speed"))
     return found if bound is None else with_bounds(bench, found, distinct(bench, under), starts=bound, **common)
 
 

@@ -27,7 +27,7 @@ from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 
-_VERSION = 9  # of what a kept run holds
+_VERSION = 10  # of what a kept run holds
 #: Option of a kind of controller -> what tuning chooses it from, the lower and the upper end.
 Ranges = Mapping[str, tuple[float, float]]
 

@@ -75,8 +75,10 @@ class FrameBench(Bench):
 
     @cached_property
     def site(self) -> registry.Site:
-        """What controllers are made for."""
-        return registry.Site.of(self.told or self.model, self.period)
+        """What controllers are made for: what they are told, with the range of the command that there is."""
+        told = self.told or self.model
+        ends = {k: v for k, v in self.model.parameters.items() if k.startswith("command_")}
+        return registry.Site.of(replace(told, parameters={**told.parameters, **ends}), self.period)
 
     @property
     def default(self) -> tuple[str, ...]:
@@ -189,7 +191,8 @@ class FrameBench(Bench):
         return (
             f"{self.model.name} in a frame of {frame.storeys} storeys, damper between floors {places}, "
             f"motions at {self.compression:g} times their speed, control period {1e3 * self.period:g} ms; "
-            f"{knowledge(self.model)}"
+            f"{knowledge(self.told or self.model)}"
+            + (f", of {self.told.name} in place of the true model" if self.told else "")
         )
 
 

@@ -11,6 +11,7 @@ from mrdamp.control.base import Controller, sensor_name
 from mrdamp.envs.plant import FramePlant
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, Model
 from mrdamp.motions import GroundMotion
+from mrdamp.simulation.floor_sensors import FloorSensors
 from mrdamp.simulation.stepping import FrameRun
 
 
@@ -23,8 +24,8 @@ def run_rows(
     engine: str = "chain",
     measured: Sequence[str] | None = None,
 ) -> FrameRun:
-    """At the controller's period (s); timestep: the engine's largest, s. Accelerometers of the floors are ideal.
-    measured: what the controller is given, in a copy of its own; None: all measurements of the rows.
+    """At the controller's period (s); timestep: the engine's largest, s. measured: what the controller is given, in a
+    copy of its own; None: all measurements of the rows.
 
     Of m dampers, at the places of the model's structure, force, stroke, command and current are (n, m).
     """
@@ -38,12 +39,17 @@ def run_rows(
         engine=engine,
     )  # fmt: skip
     controller.reset()
-    y, rows = plant.reset(motion), []
+    y = plant.reset(motion)
+    rows: list[list[float]] = []
     floors, dampers = range(1, model.structure.storeys + 1), range(len(model.structure.places))
     names = [f"{what}_{j}" for what in ("drift", "acceleration") for j in floors]
-    names += [sensor_name(what, k) for what in ("force", "stroke", "current") for k in dampers]
+    names += [sensor_name(what, k) for what in ("true_force", "stroke", "current") for k in dampers]
+    # The run has the true accelerations, the controller what the floors' accelerometers read.
+    sensors, accelerations = FloorSensors(model.frame, controller.period, 1), [f"acceleration_{j}" for j in floors]
     while not plant.finished:
-        command = controller.command(plant.time, {name: y[name] for name in measured or y})
+        read = sensors.read(np.array([[y[name] for name in accelerations]]), None if rows else [0])[0]
+        seen = {**y, **dict(zip(accelerations, read.tolist(), strict=True))}
+        command = controller.command(plant.time, {name: seen[name] for name in measured or seen})
         rows.append([*(y[name] for name in names), *np.broadcast_to(command, len(dampers)).tolist()])
         y = plant.step(command)
     found = np.array(rows)

@@ -243,7 +243,7 @@ def _sensors(root: ET.Element, model: Model) -> None:
     for j in floors:
         ET.SubElement(sensor, "jointpos", name=f"drift_{j}", joint=f"storey{j}")
     sensor.append(force)
-    _signal_sensors(root, ("stroke", "stroke_velocity", "current"))
+    _signal_sensors(root, ("true_force", "stroke", "stroke_velocity", "current"))
     # The engine's accelerometers are ideal; what their readings go through is kept for `mrdamp.simulation.stepping`.
     placed = [e for e in model.effects if e.place is not None and e.name in FLOOR_SENSOR_EFFECTS]
     if placed:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
-from scipy.linalg import expm
 
 from mrdamp.errors import InputError, diverged
 from mrdamp.model import Model, core, floor_channels
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
 from mrdamp.records.log_filter import between
+from mrdamp.simulation.floor_sensors import FloorSensors, second_order_step
 from mrdamp.simulation.mjcf import FRAME_STEP, RIG_STEP, mjcf
 
 if TYPE_CHECKING:
@@ -122,12 +122,12 @@ def _straight(x: Array, v: Array, dt: float, inner: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class FrameRun:
-    """A run of a frame in MuJoCo at the control period (n samples, N storeys), SI."""
+    """A run of a frame at the control period (n samples, N storeys), SI: what happens, not what sensors read."""
 
     time: Array  # (n,) s
     drift: Array  # (n, N) m
     acceleration: Array  # (n, N) m/s2, absolute
-    force: Array  # (n,) N, as the damper's sensor reads it
+    force: Array  # (n,) N
     stroke: Array  # (n,) m
     command: Array  # (n,)
     current: Array  # (n,)
@@ -169,6 +169,7 @@ def run_frame(
     samples = math.floor(motion.duration / period + 1e-9) + 1
     # The engine's Euler step is a leapfrog whose velocities stand half a step early: forces belong to its start.
     push = np.interp(step * np.arange(samples * inner), motion.time, motion.acceleration)
+    sensors = FloorSensors(model.frame, period, 1)
     run = FrameRun(
         time=period * np.arange(samples, dtype=np.float64),
         drift=np.empty((samples, storeys)),
@@ -182,18 +183,19 @@ def run_frame(
         run.acceleration[k] = d.sensordata[accelerations]
         if controller is not None:
             if damped:
-                run.force[k] = d.sensordata[address["damper_force"]]
+                run.force[k], reading = d.sensordata[[address["true_force"], address["damper_force"]]]
                 run.stroke[k] = d.sensordata[address["stroke"]]
                 run.current[k] = d.sensordata[address["current"]]
                 velocity = d.sensordata[address["stroke_velocity"]]
             else:
-                run.force[k] = run.command[k - 1] if k else 0.0
+                run.force[k] = reading = run.command[k - 1] if k else 0.0
                 run.stroke[k] = lever @ run.drift[k]
                 velocity = lever @ d.qvel[joints]
             displacement = np.cumsum(run.drift[k])
-            y = {f"acceleration_{j + 1}": float(run.acceleration[k, j]) for j in range(storeys)}
+            read = sensors.read(run.acceleration[k : k + 1], None if k else [0])[0]
+            y = {f"acceleration_{j + 1}": float(read[j]) for j in range(storeys)}
             y |= {f"displacement_{j + 1}": float(displacement[j]) for j in range(storeys)}
-            y["stroke"], y["force"] = float(run.stroke[k]), float(run.force[k])
+            y["stroke"], y["force"] = float(run.stroke[k]), float(reading)
             y["stroke_velocity"] = float(velocity)
             run.command[k] = controller.command(float(run.time[k]), y)
             if damped:
@@ -298,21 +300,6 @@ def second_order(signal: Array, dt: float, tau: float, ratio: float) -> Array:
         past = state @ past + a * signal[k - 1] + b * signal[k]
         out[k] = past[0]
     return out
-
-
-def second_order_step(dt: float, tau: float, ratio: float) -> tuple[Array, Array, Array]:
-    """What the samples at both ends add to output and rate, (2,) each, and what becomes of those, (2, 2).
-
-    y'' + 2 ratio w y' + w^2 y = w^2 x with w = 2 ratio / tau; exact for an x that is linear over dt.
-    """
-    w = 2 * ratio / tau
-    system = np.zeros((4, 4))  # output, rate, input, its slope
-    system[0, 1] = 1
-    system[1] = -(w**2), -2 * ratio * w, w**2, 0
-    system[2, 3] = 1
-    moved = expm(system * dt)
-    slope = moved[:2, 3] / dt
-    return moved[:2, 2] - slope, slope, moved[:2, :2]
 
 
 def _first_order(signal: Array, dt: float, tau: float, *, high: bool) -> Array:
