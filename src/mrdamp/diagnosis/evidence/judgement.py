@@ -136,8 +136,9 @@ def never_worse(
     """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
     it on left-out whole records, or if no model file takes it.
 
-    The fit has to take MATERIAL of the nominal squares off on left-out folds, in all or in the cells; a cause that
-    channels show without a law may be small.
+    The fit has to take MATERIAL of the nominal squares off on left-out folds, in the cells or, with a named cause, in
+    all; a cause that channels show without a law may be small. A correction without a cause that holds in all squares
+    alone made one of four measured simulators 8 % worse on records that were kept back.
     """
     if decision.verdict == "none":
         return final, decision
@@ -147,10 +148,11 @@ def never_worse(
     reason = decision.verdict == "parameters"
     if not reason:
         chosen = least_left_out(search, fits[decision.chosen.index])
-        left = search.ratio(search.predicted(chosen), search.residual)
-        seen = decision.verdict == "effect" and any(search.direct.get(cause) for cause in decision.chosen.causes)
-        most = 1.0 if seen else 1 - MATERIAL
-        reason = min(left, search.left_out_cost(chosen) / search.nominal_cost) <= most
+        left, most = search.ratio(search.predicted(chosen), search.residual), 1 - MATERIAL
+        if decision.verdict == "effect":
+            left = min(left, search.left_out_cost(chosen) / search.nominal_cost)
+            most = 1.0 if any(search.direct.get(cause) for cause in decision.chosen.causes) else most
+        reason = left <= most
     if reason and problem.cost(final.heldout) <= problem.cost(gaps) and in_file(problem.rig, final.fit):
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
