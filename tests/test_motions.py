@@ -284,3 +284,8 @@ def test_embedded_motion() -> None:
     np.testing.assert_allclose(motion.acceleration, kanai_tajimi(1940).acceleration, atol=2e-4)
     velocity = np.cumsum(motion.acceleration) * motion.sample_time
     assert abs(velocity[-1]) < 0.05 * np.abs(velocity).max()  # the ground comes to rest
+
+
+def test_times_in_place_of_a_sample_time_are_told() -> None:
+    with pytest.raises(InputError, match=r"sample time array\(.*must be positive"):
+        GroundMotion("short", np.arange(5.0), np.ones(5))  # type: ignore[arg-type]

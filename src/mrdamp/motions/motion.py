@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 from importlib import resources
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -253,5 +254,6 @@ def _check(label: str, sample_time: float, values: Array) -> None:
         raise InputError(
             f"{label}: sample {bad[0] + 1} is {values[bad[0]]}: every one must be a finite number"
         )
-    if not 0.0 < sample_time < np.inf:
-        raise InputError(f"{label}: sample time {sample_time:g} s: it must be positive")
+    if not (isinstance(sample_time, Real) and 0.0 < sample_time < np.inf):
+        shown = f"{sample_time:g}" if isinstance(sample_time, Real) else repr(sample_time)[:60]
+        raise InputError(f"{label}: sample time {shown} s: it must be positive")
