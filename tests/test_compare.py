@@ -189,8 +189,9 @@ def test_policies_are_seeds_and_what_they_command_is_held(tmp_path: Path) -> Non
         np.testing.assert_allclose(result.values["mine"][key].ravel(), [one, two], rtol=1e-12)
     s = result.against("mine", "passive-on", "mean_command")
     assert [s.mean, s.low, s.high] == pytest.approx([-0.5625, -1.125, 0.0])
-    told = {(r["less"], r["measure"]): r for r in csv.DictReader(differences_csv(result).splitlines())}
-    assert {less for less, _ in told} == {"constant:value=1.125", "passive-on"}
+    pairs = list(csv.DictReader(differences_csv(result).splitlines()))
+    assert ("passive-on", "constant:value=1.125") in {(r["controller"], r["less"]) for r in pairs}
+    told = {(r["less"], r["measure"]): r for r in pairs if r["controller"] == "mine"}
     found = told["passive-on", "mean_command"]
     assert [float(found[key]) for key in ("mean", "low", "high")] == pytest.approx([-0.5625, -1.125, 0.0])
     both, one, two = (float(told["passive-on", name]["mean"]) for name in ("objective", "J1", "J2"))
@@ -393,8 +394,7 @@ def test_the_best_controller_is_one_that_intervals_part_from_the_rest(less: floa
         name: {m.key: each if m.key in ("J1", "J2") else np.ones((1, 6, 1)) for m in BENCH.measures}
         for name, each in (("a", a), ("b", b))
     }
-    rows = tuple(Contender(name, ("passive-on",)) for name in values)
-    names = tuple(f"m{k}" for k in range(6))
+    rows, names = tuple(Contender(name, ("passive-on",)) for name in values), tuple(f"m{k}" for k in range(6))
     result = Comparison(rows, BENCH.measures, names, (1.0,), values, objective={"J1": 0.5, "J2": 0.5})
     assert says in comparison_page(result, BENCH, "made").html()
     assert result.rated("a").mean() == pytest.approx(0.45 - less)

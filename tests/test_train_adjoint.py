@@ -205,6 +205,8 @@ def test_a_training_that_was_stopped_goes_on_to_the_last_bit(tmp_path: Path) -> 
     whole.state_file.write_text('{"curve": [{"timesteps": 0, "score": 1}], "seconds": 0}')
     Policy.read(shipped_policies("frame")["learned"][0]).write(whole.out / "policy.json")
     resumed = made(tmp_path / "whole")
+    resumed.curve.append({"timesteps": float(resumed.timesteps), "score": 1.0})
+    assert not resumed.due(), "of this point there is a row already"
     for run in (whole, resumed):
         run.step()
     for one, other in zip(whole.soft.parameters(), resumed.soft.parameters(), strict=True):

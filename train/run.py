@@ -218,7 +218,9 @@ class Run(ABC):
         progress(text, min(1.0, self.timesteps / self.chosen.n_timesteps))
 
     def due(self) -> bool:
-        """Whether an evaluation is: they stand evenly over the training."""
+        """Whether an evaluation is: they stand evenly over the training, and none is repeated after an interruption."""
+        if self.curve and self.curve[-1]["timesteps"] >= self.timesteps:
+            return False
         return self.timesteps >= self.chosen.n_timesteps / self.options.evaluations * len(self.curve)
 
     def evaluate(self) -> dict[str, float]:

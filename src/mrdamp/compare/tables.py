@@ -196,14 +196,13 @@ def means_csv(result: Comparison) -> str:
 
 
 def differences_csv(result: Comparison) -> str:
-    """One row a learned controller, another one and a measure, and what is tuned for (`objective`): mean of the paired
-    difference, and its interval."""
+    """One row a pair of controllers and a measure, and what is tuned for (`objective`): mean of the paired difference,
+    and its interval. Learned controllers less all others, the rest less those before them."""
     lines = [
         (c.name, other.name, name, *(_plain(v) for v in (s.mean, s.low, s.high)))
-        for c in result.contenders
-        if c.learned
-        for other in result.contenders
-        if other is not c
+        for k, c in enumerate(result.contenders)
+        for j, other in enumerate(result.contenders)
+        if (j != k if c.learned else j < k and not other.learned)
         for name, s in (
             *((m.key, result.against(c.name, other.name, m.key)) for m in result.measures),
             *([("objective", difference(result.rated(c.name), result.rated(other.name)))] * bool(result.objective)),
