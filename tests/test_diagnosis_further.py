@@ -13,8 +13,9 @@ from mrdamp.diagnosis.evidence import further
 from mrdamp.diagnosis.evidence.further import with_further
 from mrdamp.diagnosis.evidence.judgement import decided, scored
 from mrdamp.diagnosis.evidence.verdict import Decision
-from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from toy_rig import toy
 
@@ -60,6 +61,25 @@ def test_a_second_cause_that_takes_little_is_not_added() -> None:
     assert decision.chosen.causes == ("offset",)
     assert ("offset", "sign") in [f.hypothesis.causes for f in search.beside(fits[decision.chosen.index])]
     assert with_further(search, fits, decision) == (fits, decision)
+
+
+def test_a_cause_that_has_vanished_leads_the_first_one_to_its_best_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first fit stands at an offset of .2 in place of .5; what is fitted beside it has no effect."""
+    search, fits, decision = found(offset=0.5)
+    best = fits[decision.chosen.index]
+    far = fit(search.problem, best.hypothesis, 0.4 * best.point, most=0)
+    sign = next(t for t in search.problem.rig.terms if t.effect == "sign")
+    pair = Hypothesis(best.hypothesis.nominal, (*best.hypothesis.terms, sign))
+    beside = fit(search.problem, pair, np.append(best.point, 0.0), most=0)
+    given = iter([(beside, 0.9)])
+    monkeypatch.setattr(further, "_further", lambda *_: next(given, None))
+    monkeypatch.setattr(further, "gone", lambda f: f is beside)
+    monkeypatch.setattr(further, "_freed", lambda search, fits, decision: (list(fits), decision))
+    fits[decision.chosen.index] = far
+    more, after = with_further(search, fits, decision)
+    assert after.chosen.causes == ("offset",)
+    assert more[after.chosen.index].settings["offset"] == pytest.approx(best.settings["offset"], rel=0.02)
+    assert sum(after.probabilities) == pytest.approx(sum(decision.probabilities))
 
 
 @pytest.mark.parametrize(

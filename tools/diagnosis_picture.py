@@ -1,4 +1,4 @@
-"""Draws the shares of the first table of docs/diagnosis/README.md: `python tools/diagnosis_picture.py`.
+"""Draws the shares of the first table of docs/diagnosis/README.md: `python -m tools.diagnosis_picture`.
 
 Each `N of M` of a row is a share with its Wilson interval: causes named, and controls without an invented cause.
 Writes docs/pictures/diagnosis.png.

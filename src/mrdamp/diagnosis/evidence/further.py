@@ -12,7 +12,7 @@ from dataclasses import replace
 from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, LAW, SECOND_CAUSE
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.judgement import scored
-from mrdamp.diagnosis.evidence.penalties import of_itself, of_law, unreferenced
+from mrdamp.diagnosis.evidence.penalties import gone, of_itself, of_law, unreferenced
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.final import least_left_out
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -34,6 +34,10 @@ def with_further(search: Search, fits: Sequence[Fit], decision: Decision) -> tup
         if found is None:
             break
         fit, probability = found
+        if gone(fit) and not gone(parent):  # it only led the causes before it to a better point
+            fit, probability = search.without_last(fit), 0.0
+            if not fit.cost < parent.cost:
+                break
         # What was true of the set before is shared with the larger one.
         with_parent = [set(decision.chosen.causes) <= set(f.hypothesis.causes) for f in fits]
         mass = sum(p for p, own in zip(decision.probabilities, with_parent, strict=True) if own)

@@ -113,6 +113,11 @@ class Search(FitTable):
         if not any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
             self.outside()
 
+    def without_last(self, found: Fit) -> Fit:
+        """The fit without its last cause, from where it is."""
+        hypothesis = Hypothesis(found.hypothesis.nominal, found.hypothesis.terms[:-1])
+        return self.fitted(hypothesis, found.point[: len(hypothesis.start())], most=_POLISHED, stage=" without")
+
     def nears_noise(self) -> bool:
         """True if a fit is so near the noise that the law may be the rig's and a wider search pays. A wrong
         law is bent by any cause."""

@@ -4,7 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from mrdamp.diagnosis.hypotheses.terms import Coordinate, Form, Sizes, Term, declared, linear, positive
+from mrdamp.diagnosis.hypotheses.terms import (
+    Coordinate,
+    Form,
+    Settings,
+    Sizes,
+    Term,
+    declared,
+    linear,
+    positive,
+)
+
+
+def without_effect(settings: Settings) -> bool:
+    """True for a heat that changes neither viscosity nor yield force by more than 1e-4 a kelvin."""
+    return max(settings["heating_kappa"], settings["heating_kappa_yield"]) < 1e-4
 
 
 def fluid_terms(s: Sizes) -> tuple[Term, ...]:
@@ -24,7 +38,10 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
     return (
         *declared(
             "heating",
-            Form("", heat, ((0.02, 0.02, 0.01 * heated / 10), (0.03, 0.0, 0.2 * heated / 10)), capacity),
+            Form(
+                "", heat, ((0.02, 0.02, 0.01 * heated / 10), (0.03, 0.0, 0.2 * heated / 10)), capacity,
+                is_other=without_effect,
+            ),
             Form(
                 "two bodies",
                 (
@@ -35,6 +52,7 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
                 ),
                 ((0.03, 0.02, 0.01 * heated / 10, 0.3 * heated / 10, 2 * heated / 10, 3.0),),
                 capacity,
+                is_other=without_effect,
             ),
         ),
         *declared(

@@ -87,7 +87,7 @@ class Term:
 
     starts: values of the coordinates (starts, coordinates), SI units, from which fits and screenings begin;
     the coordinates' own start is their middle. fixed: settings that select the form. later: tried only in place of
-    another form of its cause. is_other: True for settings that make the effect another one of the catalogue.
+    another form of its cause. is_other: True for settings that make the effect another one of the catalogue, or none.
     """
 
     effect: str
