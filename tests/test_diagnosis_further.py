@@ -11,7 +11,7 @@ import pytest
 
 from mrdamp.diagnosis.evidence import further
 from mrdamp.diagnosis.evidence.further import with_further
-from mrdamp.diagnosis.evidence.judgement import decided, scored
+from mrdamp.diagnosis.evidence.judgement import decided, likely, scored
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
@@ -47,6 +47,19 @@ def test_a_second_cause_is_found_beside_the_first() -> None:
         for d, some in ((decision, fits), (both, more))
     )
     assert after == pytest.approx(before)
+
+
+@pytest.mark.parametrize(("pair", "named"), [(0.4, {"offset"}), (0.6, {"offset", "sign"})])
+def test_of_two_causes_that_are_named_each_is_more_probable_than_not(pair: float, named: set[str]) -> None:
+    """pair: stated probability of both, the rest being the offset's alone."""
+    search, fits, decision = found(offset=0.5, sign=0.3)
+    more, both = with_further(search, fits, decision)
+    alone = max(k for k, f in enumerate(more) if f.hypothesis.causes == ("offset",))
+    share = np.zeros(len(more))
+    share[[alone, both.chosen.index]] = 1 - pair, pair
+    after = likely(search, replace(both, probabilities=tuple(share), unknown=0.0), more, {})
+    assert set(after.chosen.causes) == named
+    assert set(more[after.chosen.index].hypothesis.causes) == named
 
 
 def test_nothing_is_added_where_there_is_no_second_cause() -> None:

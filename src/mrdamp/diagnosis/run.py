@@ -11,10 +11,10 @@ from mrdamp.diagnosis.answer import answer
 from mrdamp.diagnosis.attribution.frame_laws import law_handed_over
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.damper_run import search_damper
-from mrdamp.diagnosis.evidence.consistency import by_regime
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
 from mrdamp.diagnosis.evidence.further import with_further
 from mrdamp.diagnosis.evidence.judgement import likely, never_worse, with_nearest
-from mrdamp.diagnosis.fits.final import final_fit
+from mrdamp.diagnosis.fits.final import FinalFit, final_fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.frame_run import search_frame
 from mrdamp.diagnosis.problem.command_hold import with_hold
@@ -62,10 +62,17 @@ def concluded(found: Searched, progress: Progress = silent) -> Concluded:
     fits, decision, other = found.judged(progress)
     fits, decision = with_further(search, fits, with_nearest(search, fits, decision))
     progress("fitting the corrected simulator", 0.7)
-    mend = decision.verdict != "none" and not decision.apart
-    final = final_fit(search, fits[decision.chosen.index], mend=mend, rig=found.rig)
-    causes = decision.chosen.causes if decision.verdict == "effect" else ()
-    regimes = {cause: by_regime(final.problem, final.fit, cause) for cause in causes}
-    final, decision = never_worse(search, fits, final, likely(search, decision, fits, regimes))
+
+    def fitted() -> tuple[FinalFit, dict[str, tuple[RegimeEstimate, ...]]]:
+        mend = decision.verdict != "none" and not decision.apart
+        final = final_fit(search, fits[decision.chosen.index], mend=mend, rig=found.rig)
+        causes = decision.chosen.causes if decision.verdict == "effect" else ()
+        return final, {cause: by_regime(final.problem, final.fit, cause) for cause in causes}
+
+    final, regimes = fitted()
+    before, decision = decision.chosen, likely(search, decision, fits, regimes)
+    if decision.chosen is not before:
+        final, regimes = fitted()
+    final, decision = never_worse(search, fits, final, decision)
     by_law = law_handed_over(other, final) if other is not None and decision.verdict == "unknown" else None
     return Concluded(fits, decision, regimes, final, by_law or final, other)

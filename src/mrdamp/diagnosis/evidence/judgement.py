@@ -120,14 +120,22 @@ def stated(
 def likely(
     search: Search, decision: Decision, fits: Sequence[Fit], regimes: Mapping[str, Sequence[RegimeEstimate]]
 ) -> Decision:
-    """The decision; without a cause if none of those named has a stated probability above one half. The decision is
-    by utilities, the statement also by what these do not know (`lapse_of`): of six named answers with less, on opened
-    cases of measured rigs and of other laws, five were wrong."""
+    """The decision without the causes whose stated probability is not above one half; none is established if that is
+    true of all. The decision is by utilities, the statement also by what these do not know (`lapse_of`): of six named
+    answers with less, on opened cases of measured rigs and of other laws, five were wrong."""
     if decision.verdict != "effect":
         return decision
     known = of_cause(stated(search, decision, fits, regimes))
-    best = max(known.get(cause, 0.0) for cause in decision.chosen.causes)
-    return decision if best > 0.5 else not_established(decision)
+    causes = set(decision.chosen.causes)
+    named = {cause for cause in causes if known.get(cause, 0.0) > 0.5}
+    if not named:
+        return not_established(decision)
+    alike = [k for k, f in enumerate(fits) if set(f.hypothesis.causes) == named]
+    if named == causes or not alike:
+        return decision
+    best = max(alike, key=lambda k: (decision.probabilities[k], -fits[k].cost))
+    left = max(fits[best].cost - decision.floor, 0.0) / decision.excess
+    return replace(decision, chosen=replace(scored([fits[best]])[0], index=best), unexplained=left)
 
 
 def never_worse(
