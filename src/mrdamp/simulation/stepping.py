@@ -16,7 +16,7 @@ from mrdamp.model import Model, core, floor_channels
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
 from mrdamp.records.log_filter import between
-from mrdamp.simulation.floor_sensors import FloorSensors, second_order_step
+from mrdamp.simulation.floor_sensors import FloorSensors
 from mrdamp.simulation.mjcf import FRAME_STEP, RIG_STEP, mjcf
 
 if TYPE_CHECKING:
@@ -246,70 +246,9 @@ def drive_frame(
         rows[k // inner, -1] = d.sensordata[address["damper_force"]]
         mujoco.mj_step(m, d)
     _require_sound(model, d)
-    out = {f"acceleration_{j + 1}": rows[:, j].copy() for j in range(storeys)}
+    sensors = FloorSensors(model.frame, dt, 1)
+    read = np.array([sensors.read(row[None], None if k else [0])[0] for k, row in enumerate(rows[:, :storeys])])
+    out = {f"acceleration_{j + 1}": read[:, j].copy() for j in range(storeys)}
     out |= {f"displacement_{j + 1}": rows[:, storeys + j].copy() for j in range(storeys)}
     out["force"] = rows[:, -1].copy()
-    _through_floor_sensors(model, out, dt)
     return floor_channels(out, dt, model.attributes.get("channel_shift_d", 0.0))
-
-
-def _through_floor_sensors(model: Model, out: dict[str, Array], dt: float) -> None:
-    frame = model.frame
-    for j in range(len(frame.mass)):
-        a = out[f"acceleration_{j + 1}"]
-        if frame.acc_gain is not None:
-            a = a * frame.acc_gain[j]
-        leakage, lag, lag2, share, leakage2, ratio = (
-            0.0 if row is None else float(row[j])
-            for row in (
-                frame.acc_leakage,
-                frame.acc_lag,
-                frame.acc_lag2,
-                frame.acc_leakage_share,
-                frame.acc_leakage2,
-                frame.acc_ratio,
-            )
-        )
-        if share > 0:
-            a = (1 - share) * _leaked(a, dt, leakage) + share * _leaked(a, dt, leakage2)
-        else:
-            a = _leaked(a, dt, leakage)
-        if ratio > 0 and lag > 0:
-            a = second_order(a, dt, lag, ratio)
-            lag = 0.0
-        for tau in (lag, lag2):
-            a = _first_order(a, dt, tau, high=False) if tau > 0 else a
-        if frame.acc_offset is not None:
-            a = a + frame.acc_offset[j]
-        if frame.acc_settle is not None:
-            tau = 0.0 if frame.acc_settle_time is None else float(frame.acc_settle_time[j])
-            a = a + frame.acc_settle[j] * np.exp(-dt * np.arange(len(a)) / (tau or 1.0))
-        out[f"acceleration_{j + 1}"] = a
-
-
-def _leaked(signal: Array, dt: float, tau: float) -> Array:
-    return _first_order(signal, dt, tau, high=True) if tau > 0 else signal
-
-
-def second_order(signal: Array, dt: float, tau: float, ratio: float) -> Array:
-    """A low-pass (n,) of two complex poles, late by tau (s), of a signal (n,) that is linear between samples."""
-    a, b, state = second_order_step(dt, tau, ratio)
-    out, past = np.empty_like(signal), np.array([signal[0], 0.0])
-    out[0] = signal[0]
-    for k in range(1, len(signal)):
-        past = state @ past + a * signal[k - 1] + b * signal[k]
-        out[k] = past[0]
-    return out
-
-
-def _first_order(signal: Array, dt: float, tau: float, *, high: bool) -> Array:
-    """Exact first-order low-pass (or the complementary high-pass) of a signal that is linear between samples."""
-    decay, out = math.exp(-dt / tau), np.empty_like(signal)
-    out[0] = signal[0]
-    for k in range(1, len(signal)):
-        slope = (signal[k] - signal[k - 1]) / dt
-        if high:
-            out[k] = out[k - 1] * decay + slope * tau * (1 - decay)
-        else:
-            out[k] = signal[k] - slope * tau + (out[k - 1] - signal[k - 1] + slope * tau) * decay
-    return out
