@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import secrets
 import sys
-from collections.abc import Sequence
+from functools import partial
 
 from mrdamp.cli import main as run
 from mrdamp.commands import command_parser
@@ -85,9 +85,8 @@ def run_blindtest(a: argparse.Namespace) -> int:
     return 0
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """0, or 2 with one line on bad input."""
-    return run(arguments, parser())
+#: From words, those of the command line by default, to the exit code.
+main = partial(run, parser=parser())
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 from mrdamp.cli import main as run
@@ -80,9 +80,8 @@ def run_gap(a: argparse.Namespace) -> int:
     return 0
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """0, or 2 with one line on bad input."""
-    return run(arguments, parser())
+#: From words, those of the command line by default, to the exit code.
+main = partial(run, parser=parser())
 
 
 if __name__ == "__main__":
