@@ -166,14 +166,13 @@ def _peaks(result: Comparison) -> list[tuple[str, ...]]:
 
 
 def _differences(result: Comparison) -> str:
-    """The best learned controllers less the controllers they are claimed to be better than, or level with."""
-    rated = {c.name: {**result.values[c.name], "mean": result.rated(c.name)} for c in result.contenders}
-    keys = [(name, key) for name in ("adjoint", "learned") for key in ("J1", "J2", "mean")]
+    """Mean of J1 and J2: learned controllers less those that they are claimed to be better than, or level with."""
+    rated = {c.name: result.rated(c.name) for c in result.contenders}
+    names = ("adjoint", "learned")
     rows = [
-        (other, *(_spread(difference(rated[name][key], rated[other][key])) for name, key in keys))
-        for other in ("passive-on", *MODEL_BASED)
+        (other, *(_spread(difference(rated[name], rated[other])) for name in names)) for other in MODEL_BASED
     ]
-    return markdown(("minus", *(f"{name}: {key}" for name, key in keys)), rows)
+    return markdown(("mean of both", *(f"{name} minus it" for name in names)), rows)
 
 
 def _name(name: str, seeds: int) -> str:
