@@ -76,7 +76,7 @@ def measure(effort: Effort, end: float = 3.0) -> list[Section]:
             f"{STEP * 1e3:g} ms and one at 0.1 ms. The plugin steps at {STEP * 1e3:g} ms; its force is within "
             f"{accuracy.frame_error(STEP, end):.2%} of SciPy's for the whole frame. The engine's velocities are half a "
             "step older than its positions; a shorter step or an extrapolated velocity corrects this delay. Both stay "
-            "explicit: stronger motions need more inner steps, and light structures are unstable.",
+            "explicit.",
             tuple(rows),
         )
     ]

@@ -20,8 +20,7 @@ def measure(end: float = 3.0) -> list[Section]:
         Section(
             "Accuracy at these speeds",
             f"RMS error of the damper's force over its RMS, against SciPy (LSODA, rtol 1e-9). {DYKE.id} in the frame: "
-            "40 sines from 1 to 10 Hz with a peak near 3.4 m/s2, commands over the whole range. `frame` includes the "
-            "error of the engine's Euler step.",
+            "40 sines from 1 to 10 Hz with a peak near 3.4 m/s2, commands over the whole range.",
             tuple(rows),
         )
     ]

@@ -108,7 +108,7 @@ def _over_records(effort: Effort) -> Section:
     )
     text = (
         "CPU time of a fit on one thread over the duration of its records (the nine embedded training"
-        " records at 500 Hz), including trial points, local fits and the last one."
+        " records at 500 Hz)."
     )
     return Section("Identification", text, tuple(figures))
 

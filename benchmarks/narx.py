@@ -69,10 +69,7 @@ def loop(net: core.Narx, folder: Path) -> Loop | None:
 
 def measure(effort: Effort) -> list[Section]:
     """The table."""
-    text = (
-        "Weights in double precision; the last output is fed back, so that passes do not overlap. The"
-        " step is that of the shipped frame without a damper, at 0.5 ms."
-    )
+    text = "Weights in double precision; the last output is fed back, so that passes do not overlap."
     net = core.Narx(weights())
     with tempfile.TemporaryDirectory() as folder:
         passes = loop(net, Path(folder))

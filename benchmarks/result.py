@@ -85,19 +85,20 @@ def text(sections: Sequence[Section]) -> str:
 
 
 def markdown(sections: Sequence[Section], rounds: int) -> str:
-    """The page docs/benchmarks.md: a summary, then a table for each section."""
+    """The page docs/benchmarks.md: a summary, then a table for each section with targets, of what they are for."""
     out = [
         "# Speed",
         "",
         f"Written by `make bench`. Ratios: medians of {rounds} rounds, both sides in turn, in CPU time of the "
-        "measuring thread, with quartiles and both costs.",
+        "measuring thread, with quartiles and both costs. The command prints further rows that have no target.",
         "",
         f"Machine: {machine()}.",
         "",
         *_summary(sections),
     ]
     for section in sections:
-        out += [f"## {section.title}", "", section.text, "", *table(section.figures), ""]
+        if aimed := [f for f in section.figures if f.target]:
+            out += [f"## {section.title}", "", section.text, "", *table(aimed), ""]
     return "\n".join(out)
 
 

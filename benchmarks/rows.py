@@ -141,11 +141,8 @@ def measure(effort: Effort) -> list[Section]:
         Section(
             "Rows on the chain",
             'Rows stepped by the C entry `mrdamp_rows_step` (`engine="chain"`), over MuJoCo. Control period 5 ms; '
-            "default steps on both: 0.5 ms (frame), 0.125 ms (cable). Observations and rewards agree within 0.5 % and "
-            "1 % at steps of 0.1 ms on the frame (`tests/test_env_chain.py`), and of 0.02 ms, 0.005 ms in the engine, "
-            "on the cable, whose damper sticks. Rows on threads: wall-clock time of the C entry's part, two idle "
-            "cores; the others: one thread. Last rows: whole steps, and the memory of a row with its motion of "
-            "2501 samples.",
+            "default steps on both: 0.5 ms (frame), 0.125 ms (cable). Rows on threads: wall-clock time of the C "
+            "entry's part, two idle cores; the others: one thread.",
             (*against_the_engine(effort), *threads(effort), *sizes(effort)),
         )
     ]

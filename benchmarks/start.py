@@ -21,8 +21,7 @@ STARTS = {
     "environment": "import mrdamp, gymnasium; gymnasium.make('mrdamp/Frame-v0')",
 }
 _TEXT = (
-    "CPU time of a new interpreter with warm files. `import mrdamp` registers environments in Gymnasium; `import "
-    "mujoco` loads the plugin by its entry point."
+    "CPU time of a new interpreter with warm files. `import mrdamp` registers environments in Gymnasium."
 )
 
 
