@@ -121,12 +121,10 @@ _UTFSM = Page(
         Table(
             "Laws and network",
             "All laws have larger errors than the reference, because the damper was in another state on the day of "
-            "the sweep: at .5 A it is 1.16 to 1.21 times as strong as on the training day, at any speed, and equally "
-            "strong in both directions (990 N; on the training day they differ by 96 to 122 N). Modified Bouc-Wen "
-            "would have .110 with one gain for each record; with a fit for each current it has .136. Reference: a "
-            "quick independent fit, quadratic in the current, on other tests of the rig, which are not available; "
-            "the nearest protocol here leaves one motion out (next table). Rows with S (`quadratic_saturating`) "
-            "follow the S-shaped dependence on the current.",
+            "the sweep: at .5 A it is 1.16 to 1.21 times as strong as on the training day, at any speed. Modified "
+            "Bouc-Wen would have .110 with one gain for each record. Reference: a quick independent fit, quadratic in "
+            "the current, on other tests of the rig, which are not available; the nearest protocol here leaves one "
+            "motion out (next table). Rows with S: `quadratic_saturating`, an S-shaped dependence on the current.",
             (
                 *_laws((0.24, 0.14, 0.13, 0.12), "--dependence", "quadratic"),
                 *_laws(
@@ -165,9 +163,7 @@ _UTFPR = Page(
             "As recorded",
             "The tests at 0 V named 50Hz have 50 to 100 um of noise in the displacement, ten times that of the "
             "others, which damping and stiffness turn into force; errors are given without them too. Bouc-Wen cannot "
-            "fit better: its force reverses over a displacement, this damper's over a velocity. With one fit for "
-            "each voltage it has .157 without 50Hz; of 150 starts within bounds ten times as wide the eight best end "
-            "in the same optimum.",
+            "fit better: its force reverses over a displacement, this damper's over a velocity.",
             (
                 *_laws((0.24, 0.12, 0.13, 0.09), "--dependence", "quadratic"),
                 Row(
@@ -210,8 +206,7 @@ _NEES = Page(
         Table(
             "Plain laws",
             "The preload k1 x0 of the modified Bouc-Wen law is not fitted: an offset of the force is the same "
-            "parameter. The last row has this offset, and is quadratic in the command as the reference; without it, "
-            "that dependence and more starts change nothing (.353).",
+            "parameter. The last row has this offset, and is quadratic in the command as the reference.",
             (
                 *_laws((0.48, 0.37, 0.37, 0.34), "--starts", "2", "--extras"),
                 Row(
