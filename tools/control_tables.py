@@ -40,7 +40,7 @@ PAGE, RECORDS = ROOT / "docs" / "control.md", ROOT.parent / "shared" / "data" / 
 AMPLITUDES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 PERCENT = (-10, 10)
 LAG = 0.003  # s, of the force sensor
-PEAKS = ("controller", "J1", "J2", "mean of both minus passive-on", "1e6 periods")
+PEAKS = ("controller", "J1", "J2", "mean of both minus passive-on")
 MODEL_BASED = ("clipped-optimal-tuned", "modulated-optimal-tuned", "force-tracking-tuned")
 #: Near passive-on everywhere: shown once.
 CONSTANT = ("best-constant", "lyapunov-tuned", "max-dissipation-tuned")
@@ -94,8 +94,8 @@ class Tables:
         if not RECORDS.is_dir():
             return None
         result = self.run({"": self.bench}, read_motions([RECORDS]), AMPLITUDES)[""]
-        rows = [row[:-1] for row in _peaks(result) if row[0] not in CONSTANT]
-        return f"{markdown(PEAKS[:-1], rows)}\n{_differences(result)}"
+        rows = [row for row in _peaks(result) if row[0] not in CONSTANT]
+        return f"{markdown(PEAKS, rows)}\n{_differences(result)}"
 
     def spread(self) -> str:
         model = self.bench.model
@@ -146,11 +146,10 @@ def _compared(folder: Path, bench: Bench, ratios: Sequence[str]) -> str | None:
         cells = [f"{m[key]['mean']:.3f}" for key in ratios]
         cells.append(_spread(difference(rated[name], rated["best-constant"])))
         cells.append(short(m["mean_command"]["mean"]))
-        periods = row["periods"]
-        rows.append((_name(name, len(row["specs"])), *cells, "–" if periods is None else f"{periods / 1e6:.3g}"))
+        rows.append((_name(name, len(row["specs"])), *cells))
     titles = {m.key: m.title.format(unit="V") for m in bench.measures}
     heads = ("controller", *(titles[key] for key in ratios), "minus best-constant", titles["mean_command"])
-    return markdown((*heads, "1e6 periods"), rows)
+    return markdown(heads, rows)
 
 
 def _peaks(result: Comparison) -> list[tuple[str, ...]]:
@@ -159,7 +158,6 @@ def _peaks(result: Comparison) -> list[tuple[str, ...]]:
             _name(c.name, len(c.specs)),
             *(_short(result.summary(c.name, key).mean) for key in ("J1", "J2")),
             _spread(result.gain(c.name)),
-            "–" if c.periods is None else f"{c.periods / 1e6:.3g}",
         )
         for c in result.contenders
     ]
