@@ -86,10 +86,10 @@ class Results:
         """The command that makes a run's set."""
         return f"python tools/make_foam.py {run} {' '.join(f'{hz:g}' for hz in FEWER[run])}"
 
-    def norm(self, run: str, model: str, norm: str) -> str:
+    def norm(self, run: str, model: str, *norms: str) -> str:
         """Of a table's row; a dash where there is none."""
-        rows = self.kept[run]["rows"]
-        return next((f"{row[norm]:.4f}" for row in rows if row["model"] == model), "-")
+        rows = (row for row in self.kept[run]["rows"] if row["model"] == model)
+        return next((", ".join(f"{row[norm]:.4f}" for norm in norms) for row in rows), "-")
 
     def of_law(self, run: str, norm: str) -> str:
         """Of a law alone, on the condition's record."""
@@ -138,10 +138,10 @@ class Results:
         phases = [t["phase"] for t in self.kept["calibrate"]["tests"]]
         return f"{min(phases):+.1f} to {max(phases):+.1f}"
 
-    def sensing(self, command: str, name: str) -> str:
-        """delta_2 in percent at a current."""
-        row = next(row for row in self.kept["calibrate"]["sensing"] if row["command"] == float(command))
-        return f"{100 * row[name]:.2f}"
+    def sensing(self, name: str, *commands: str) -> str:
+        """delta_2 in percent at each current."""
+        rows = {row["command"]: row[name] for row in self.kept["calibrate"]["sensing"]}
+        return ", ".join(f"{100 * rows[float(command)]:.2f}" for command in commands)
 
     def alone(self, name: str) -> str:
         """delta_2 in percent of one record."""
@@ -162,11 +162,12 @@ class Results:
         near = [_name(t, key) for t in trials if t is not best and t["validation_range"][by][0] <= most]
         return _name(best, key) + (f" (not told apart by the seeds: {', '.join(near)})" if near else "")
 
-    def error(self, run: str, half: str, record: str, way: str = "") -> str:
-        """RMS error of a network (one_step or free_run) or a law on a record."""
+    def error(self, run: str, half: str, record: str, *ways: str) -> str:
+        """RMS errors of a network (one_step, free_run), or that of a law, on a record."""
         found = self.kept[run][half]
-        row = next(r for r in (found[way] if way else found)["records"] if r["record"] == record)
-        return f"{row['rmse_N']:.1f} N, {100 * row['nrmse']:.2f} %"
+        halves = [found[way] for way in ways] or [found]
+        rows = [next(r for r in some["records"] if r["record"] == record) for some in halves]
+        return ", then ".join(f"{r['rmse_N']:.1f} N, {100 * r['nrmse']:.2f} %" for r in rows)
 
     def pooled(self, run: str, half: str, way: str) -> str:
         """Of a half, percent."""
