@@ -70,7 +70,11 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> list[tuple[bool, int]]:
 
 @pytest.mark.parametrize(
     ("truth", "asked", "verdict"),
-    [({"gain": 2.3, "cubic": 0.008}, True, "effect"), ({"gain": 2.3}, False, "parameters"), ({}, False, "none")],
+    [
+        ({"gain": 2.3, "cubic": 0.008}, True, "effect"),
+        ({"gain": 2.3}, False, "parameters"),
+        ({}, False, "none"),
+    ],
 )
 def test_numbers_that_may_stand_in_for_a_cause_have_causes_tried_beside_them(
     truth: dict[str, float], asked: bool, verdict: str, tried: list[tuple[bool, int]]
@@ -133,28 +137,29 @@ def test_a_threshold_takes_its_size_off_either_sign() -> None:
     np.testing.assert_allclose(out, [-0.8, 0.0, 0.0, 0.0, 0.3])
 
 
-@pytest.mark.parametrize(("side", "want"), [(1.0, (0, 0, 0, 3)), (-1.0, (-3, 0, 0, 0)), (0.0, (-3, 0, 0, 3))])
-def test_a_stop_pushes_back_on_its_sides_only(side: float, want: tuple[float, ...]) -> None:
-    x = np.array([-0.008, -0.004, 0.004, 0.008])
-    settings = {"outside_stop_k": 1000.0, "outside_stop_x": 0.005, "outside_stop_side": side}
-    np.testing.assert_allclose(outside.forced(settings, np.full(4, 7.0), x, 0 * x), 7.0 + np.array(want), atol=1e-12)
+STOP = {"outside_stop_k": 1000.0, "outside_stop_x": 0.005}
+LIMIT = {"outside_limit_force": 100.0, "outside_limit_knee": 30.0}
+WEAR = {"outside_wear_loss": 0.25, "outside_wear_x": 0.004, "outside_wear_width": 0.001}
+SIDE_LOAD = {"outside_side_force": 500.0, "outside_side_x": 0.001, "outside_side_v": 0.001}
 
 
-@pytest.mark.parametrize(("side", "want"), [(1.0, (-400, 100)), (-1.0, (-100, 400)), (0.0, (-100, 100))])
-def test_a_limit_holds_the_force_on_its_sides_only(side: float, want: tuple[float, float]) -> None:
-    settings = {"outside_limit_force": 100.0, "outside_limit_knee": 30.0, "outside_limit_side": side}
-    zero = np.zeros(2)
-    np.testing.assert_allclose(outside.forced(settings, np.array([-400.0, 400.0]), zero, zero), want, rtol=1e-6)
-    small = np.array([-30.0, 30.0])
-    np.testing.assert_allclose(outside.forced(settings, small, zero, zero), small, rtol=1e-6)
-
-
-def test_wear_and_side_load_act_where_they_are() -> None:
-    x, v = np.array([0.0, 0.004]), np.array([1.0, -1.0])
-    wear = {"outside_wear_loss": 0.25, "outside_wear_x": 0.004, "outside_wear_width": 0.001}
-    np.testing.assert_allclose(outside.forced(wear, np.array([8.0, 8.0]), x, v), [8.0, 6.0], rtol=1e-5)
-    load = {"outside_side_force": 500.0, "outside_side_x": 0.001, "outside_side_v": 0.001}
-    np.testing.assert_allclose(outside.forced(load, np.zeros(2), x, v), [0.5, -1.5])
+@pytest.mark.parametrize(
+    ("settings", "want"),
+    [
+        ({**STOP, "outside_stop_side": 1.0}, (-400, -30, 30, 403)),
+        ({**STOP, "outside_stop_side": -1.0}, (-403, -30, 30, 400)),
+        ({**STOP, "outside_stop_side": 0.0}, (-403, -30, 30, 403)),
+        ({**LIMIT, "outside_limit_side": 1.0}, (-400, -30, 30, 100)),
+        ({**LIMIT, "outside_limit_side": -1.0}, (-100, -30, 30, 400)),
+        ({**LIMIT, "outside_limit_side": 0.0}, (-100, -30, 30, 100)),
+        (WEAR, (-400, -30, 30 * 0.75, 400)),
+        (SIDE_LOAD, (-404.5, -32.5, 31.5, 403.5)),
+    ],
+)
+def test_a_rival_acts_where_it_is(settings: dict[str, float], want: tuple[float, ...]) -> None:
+    """A stop beyond 5 mm and a limit of 100 N on their sides, a worn place at 4 mm, a load on the guide beyond 1 mm."""
+    force, x = np.array([-400.0, -30.0, 30.0, 400.0]), np.array([-0.008, -0.004, 0.004, 0.008])
+    np.testing.assert_allclose(outside.forced(settings, force, x, np.sign(x)), want, rtol=1e-5)
 
 
 def test_settled_particles_are_stirred_up_over_the_path() -> None:
@@ -181,12 +186,6 @@ def test_the_motion_is_recorded_ever_later_by_a_slow_clock() -> None:
     np.testing.assert_allclose(found[0][inside], true[inside], atol=2e-5)
     np.testing.assert_allclose(found[1][inside], v[inside], atol=6e-5)
     np.testing.assert_array_equal(outside.moved({}, recorded, 0.002)[0], recorded[0])
-
-
-def test_sets_with_the_same_rival_run_together_and_the_chain_sees_none_of_it() -> None:
-    sets = [{"c0a": 1.0}, {"outside_threshold": 0.1, "c0a": 2.0}, {"outside_threshold": 0.1}, {"fya": 1.0}]
-    assert outside.grouped(sets) == [({}, [0, 3]), ({"outside_threshold": 0.1}, [1, 2])]
-    assert outside.inside_of(sets[1]) == {"c0a": 2.0}
 
 
 def bingham(v: Array, command: Array) -> Array:

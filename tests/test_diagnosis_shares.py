@@ -15,7 +15,7 @@ from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.damper_run import judge
-from mrdamp.diagnosis.evidence.resample import draws, of_records, seconds, spread
+from mrdamp.diagnosis.evidence.resample import draws, spread
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
@@ -25,7 +25,6 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import models_of
 from mrdamp.errors import InputError
 from mrdamp.model import Model
-from mrdamp.model.core import Array
 from mrdamp.records import Record
 from studies.blindtest import rig as reference
 from studies.blindtest.bench import Truth, damper_channels, logged
@@ -85,8 +84,6 @@ STIFF = {"c0a": 900.0, "c0b": 1000.0}
     ("inner", "outside"),
     [
         (LAG, {}),
-        ({}, {"sensor.gain": 0.15}),
-        (STIFF, {}),
         ({**LAG, **STIFF}, {"sensor.gain": 0.1}),
         (STIFF, {"sensor.gain": -0.08}),
     ],
@@ -231,6 +228,7 @@ def test_draws_of_parameters_belong_together() -> None:
     problem = Problem(rig)
     hypothesis = Hypothesis(rig.nominal, tuple(t for t in rig.terms if t.effect == "cubic"))
     around = spread(problem, fit(problem, hypothesis, hypothesis.start(), tolerance=1e-8))
+    assert np.all(draws(36).sum(axis=1) == 36)
     table = np.array([[s["gain"], s["cubic"]] for s in islice(around.settings(), 200)])
     assert np.corrcoef(table.T)[0, 1] < -0.7
     low, high = around.intervals()["gain"]
@@ -250,15 +248,6 @@ def test_draws_that_a_law_does_not_take_are_left_out() -> None:
     assert models_of(rig, [{"gain": 4.0}], 3) == ()
 
 
-def test_an_interval_ends_where_the_range_does() -> None:
-    rig = toy({"gain": 20.0})
-    hypothesis = Hypothesis(rig.nominal)
-    problem = Problem(rig)
-    low, high = spread(problem, fit(problem, hypothesis, hypothesis.start())).intervals()["gain"]
-    assert high == pytest.approx(8.0)
-    assert low <= 8.0
-
-
 def test_what_the_records_do_not_show_has_its_whole_range_as_its_interval() -> None:
     """An offset that no sample sees, beside the gain."""
     rig = toy({"gain": 2.2})
@@ -270,17 +259,3 @@ def test_what_the_records_do_not_show_has_its_whole_range_as_its_interval() -> N
     ends = spread(problem, found_both).intervals()
     assert ends["offset"] == pytest.approx((-4.8, 2.8), abs=0.01)  # 95 % of the range
     assert ends["gain"] == pytest.approx(spread(problem, found).intervals()["gain"])
-
-
-def test_groups_are_seconds_of_a_record_and_draws_keep_their_number() -> None:
-    problem = Problem(toy({}, n=600))
-    groups = seconds(problem)
-    assert groups[0] == 0
-    counts = np.bincount(groups)
-    assert len(counts) == 6 * 6
-    assert np.all(counts > 0)
-    assert counts.max() == 100
-    assert np.bincount(of_records(problem)).tolist() == [problem.samples // 6] * 6
-    table: Array = draws(36)
-    assert np.all(table.sum(axis=1) == 36)
-    np.testing.assert_array_equal(table, draws(36))
