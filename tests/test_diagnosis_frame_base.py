@@ -5,18 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pytest
 
 from frame_case import DT, believed, case_of, records
-from mrdamp.diagnosis.attribution.frame_blocks import blocks
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.evidence.ties import tie_classes
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.frame_run import compared_without_law
 from mrdamp.diagnosis.report.page import page
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.records import Record
@@ -38,16 +36,6 @@ def late(measured: dict[str, Record]) -> dict[str, Record]:
         ground = np.asarray(r.channel(name))
         out[key] = r.with_channels({name: np.concatenate([np.full(LATE, ground[0]), ground[:-LATE]])})
     return out
-
-
-def test_a_late_ground_channel_is_told_whatever_the_law(late: dict[str, Record]) -> None:
-    case = case_of(believed(), late)
-    rig = SimpleNamespace(structure=believed().structure, catalogue=())
-    (found,) = compared_without_law(case, cast(Any, rig), blocks(case))
-    assert found.cause == "ground_delay"
-    assert found.settings is not None
-    assert found.settings["outside_ground_delay"] == pytest.approx(LATE * DT, rel=0.02)
-    assert found.unexplained, "no effect of the catalogue may be named for it"
 
 
 @pytest.mark.slow

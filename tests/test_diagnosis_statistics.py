@@ -42,11 +42,11 @@ from toy_rig import DT, ToyRig, toy
 RNG = np.random.default_rng(5)
 
 
-def searched(truth: dict[str, float], noise: float = 0.02, jobs: int = 1) -> Search:
+def searched(truth: dict[str, float], noise: float = 0.02) -> Search:
     rig = toy(truth, noise)
     problem = Problem(rig)
     floor = sum((noise / b.size) ** 2 for b in problem.blocks)
-    search = Search(problem, floor, Limits(), jobs)
+    search = Search(problem, floor, Limits())
     search.run()
     return search
 
@@ -102,13 +102,6 @@ def test_the_verdict_is_the_truth_that_made_the_records(
     if causes is not None:
         assert tuple(sorted(decision.chosen.causes)) == causes
     assert sum(decision.probabilities) == pytest.approx(1.0)
-
-
-@pytest.mark.slow
-def test_workers_change_nothing() -> None:
-    first = searched({"sign": 0.3, "offset": 0.4})
-    second = searched({"sign": 0.3, "offset": 0.4}, jobs=2)
-    assert {k: f.cost for k, f in second.fits.items()} == {k: f.cost for k, f in first.fits.items()}
 
 
 def test_stage_shares_follow_what_each_cause_explains() -> None:
