@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mrdamp.diagnosis.answer import named_effects
-from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
 from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
@@ -70,7 +70,9 @@ def test_other_parameters_stay_as_in_the_fit_to_all_records() -> None:
     gaps = problem.gaps(problem.of_settings([{"gain": found.settings["gain"]}])[0])
     by_name = {problem.rig.records[b.record].name: gap for b, gap in zip(problem.blocks, gaps, strict=True)}
     for r in rows:
-        assert r.gap_without == pytest.approx(np.sqrt(np.mean([by_name[n] ** 2 for n in r.records])), rel=1e-9)
+        assert r.gap_without == pytest.approx(
+            np.sqrt(np.mean([by_name[n] ** 2 for n in r.records])), rel=1e-9
+        )
 
 
 def test_a_regime_is_labelled_and_a_worse_one_is_known() -> None:
@@ -81,14 +83,6 @@ def test_a_regime_is_labelled_and_a_worse_one_is_known() -> None:
     assert not replace(one, gap_with=0.05).worse
     assert replace(one, over="speed", high=0.75).label() == "speed 0.5 to 0.75 m/s"
     assert replace(one, low=None, high=None).label() == "01"
-
-
-def test_the_hull_contains_every_regime_that_determines_a_parameter() -> None:
-    one = RegimeEstimate("speed", 0.1, 0.1, ("01",), {"a": 1.0}, {"a": (0.7, 1.1)}, True, 0.1, 0.05)
-    two = replace(one, intervals={"a": (0.95, 1.6)})
-    vague = replace(one, intervals={"a": (-9.0, 9.0)}, determined=False)
-    assert hull({"a": (0.9, 1.2), "b": (0.0, 1.0)}, (one, two, vague)) == {"a": (0.7, 1.6), "b": (0.0, 1.0)}
-    assert hull({"a": (0.9, 1.2)}, ()) == {"a": (0.9, 1.2)}
 
 
 def test_a_wrong_law_widens_the_interval_of_a_named_cause() -> None:
@@ -109,19 +103,6 @@ def test_a_wrong_law_widens_the_interval_of_a_named_cause() -> None:
         assert (low < plain["cubic"][0] or high > plain["cubic"][1]) == widened
         if widened:
             assert all(low <= r.parameters["cubic"] <= high for r in regimes["cubic"])
-
-
-def test_ranges_are_the_records_own() -> None:
-    _, problem, rows = estimates({"offset": 0.3}, "offset")
-    for r in rows:
-        assert r.low is not None
-        assert r.high is not None
-        speeds = [
-            float(np.sqrt(np.mean(problem.rig.conditions(k)["velocity (m/s)"] ** 2)))
-            for k, record in enumerate(problem.rig.records)
-            if record.name in r.records
-        ]
-        assert (r.low, r.high) == pytest.approx((min(speeds), max(speeds)))
 
 
 def test_a_single_record_and_a_cause_that_was_not_fitted_have_no_estimates() -> None:
