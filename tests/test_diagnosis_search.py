@@ -52,11 +52,14 @@ def test_what_is_foretold_is_what_runs_of_their_own_say(monkeypatch: pytest.Monk
     """In a sum of parts a change is the same on top of anything: exactly, and without a run."""
     whole, told = (of(toy({"sign": 0.6, "cubic": 0.3}, NOISE)) for _ in range(2))
     for search in (whole, told):
-        screening.screen(search, search.base, search.problem.rig.terms)
+        screening.screen(search, search.fits[False, frozenset()], search.problem.rig.terms)
+    sign = next(t for t in whole.problem.rig.terms if t.effect == "sign")
+    none = whole.fits[False, frozenset()].hypothesis
+    first, second = (s.fitted(none.plus(sign), np.array([1.0]), most=8) for s in (whole, told))
     others = whole.addable(("sign",))
-    want = screening.screen(whole, fitted(whole, "sign"), others)
+    want = screening.screen(whole, first, others)
     monkeypatch.setattr(screening, "_LOOKED_AT", 1)
-    second, simulated, simulate = fitted(told, "sign"), list[int](), ToyRig.simulate
+    simulated, simulate = list[int](), ToyRig.simulate
 
     def counted(rig: ToyRig, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         simulated.append(len(settings))
