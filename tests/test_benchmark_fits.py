@@ -37,15 +37,3 @@ def test_the_rig_that_mujoco_fits_in_moves_as_the_record_does() -> None:
     found, expected = sysid.force(model, record), simulate(model, record)[: record.n - 1]
     assert np.std(found - expected) < 0.03 * np.std(expected)
     assert np.std(found[1:] - expected[:-1]) > 0.05 * np.std(expected)  # not a sample late
-
-
-def test_mujoco_finds_the_damper() -> None:
-    sysid = pytest.importorskip(
-        "benchmarks.sysid", reason="mujoco[sysid] (extra bench) is missing", exc_type=ImportError
-    )
-    record = a_record()
-    model, cost = sysid.fit("bingham", record, ("offset",), most=8)
-    force = record.channel("force_N")
-    error = np.std(simulate(model, record) - force) / np.std(force)
-    assert error < 0.6  # as our own fit of this law: it has no hysteresis
-    assert 0.0 < cost < 1e4

@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 import socket
 import sys
-from pathlib import Path
 
-import mujoco
-import numpy as np
 import pytest
 
 from benchmarks import __main__ as program
 from benchmarks import accuracy, opensees, python_env
-from benchmarks.frames import DYKE, Stepper, frame, profiling_clock
+from benchmarks.frames import DYKE
 from benchmarks.python_law import PythonDamper
 from benchmarks.result import Figure, Section, machine, markdown, of_ratio
 from benchmarks.timing import Effort, interleave, ratio
@@ -51,34 +48,6 @@ def test_ratio_is_of_the_rounds_and_the_order_is_turned() -> None:
     assert (found.value, found.top, found.bottom) == (4.0, 4.0, 1.0)
 
 
-def test_sides_of_the_frame_comparison() -> None:
-    """With the damper there is a plugin that holds the frame back; without it, none."""
-    models = {"with": frame(5e-4), "without": frame(5e-4, damper=False), "bare": frame(5e-4, bare=True)}
-    assert [m.nplugin for m in models.values()] == [2, 0, 2]
-    assert models["without"].nsensor == models["with"].nsensor - 1
-    assert (models["bare"].ngeom, models["bare"].nsensor) == (0, 1)
-    drift = {}
-    for name, model in models.items():
-        stepper = Stepper(model, 4000)
-        stepper()
-        drift[name] = float(np.abs(stepper.data.qpos[1:]).max())
-    assert drift["with"] == drift["bare"]
-    assert drift["with"] < 0.5 * drift["without"]
-
-
-def test_profiling_clock_is_off_and_on_again() -> None:
-    m = frame(5e-4, damper=False)
-
-    def spent() -> float:
-        d = mujoco.MjData(m)
-        mujoco.mj_step(m, d, 200)
-        return float(d.timer[mujoco.mjtTimer.mjTIMER_STEP].duration)
-
-    with profiling_clock(False):
-        assert spent() == 0.0
-    assert spent() > 0.0
-
-
 def test_errors_are_small_where_the_speed_is_stated() -> None:
     for dt in (5e-4, 1e-3):
         assert accuracy.law_error(dt, END) < 2e-3
@@ -92,12 +61,6 @@ def test_python_law_is_the_same_law() -> None:
     assert accuracy.python_law_error(PythonDamper(p, 1), 1e-4, END) < 2e-3
     assert accuracy.python_law_error(PythonDamper(p, 0), 1e-3, END) > 0.1
     assert accuracy.frame_error(1e-4, END, PythonDamper(p, 1)) < 8e-3
-
-
-def test_a_velocity_half_a_step_on_halves_the_error_but_the_plugin_is_better() -> None:
-    p = DYKE.attributes()
-    late, abreast = (accuracy.frame_error(5e-4, END, PythonDamper(p, 3, on)) for on in (False, True))
-    assert accuracy.frame_error(5e-4, END) < abreast < 0.5 * late
 
 
 @pytest.mark.slow
@@ -117,13 +80,6 @@ def test_opensees_frame_is_the_same_frame() -> None:
     except opensees.MissingError as missing:
         pytest.skip(str(missing))
     assert error < 0.02
-
-
-def test_opensees_that_is_not_there_is_a_reason(tmp_path: Path) -> None:
-    (section,) = opensees.measure(Effort(1, 10), str(tmp_path / "python"))
-    (figure,) = section.figures
-    assert "No such file" in figure.skipped
-    assert figure.met is None
 
 
 def test_targets() -> None:
@@ -158,10 +114,3 @@ def test_wrong_arguments(arguments: list[str], words: str, capsys: pytest.Captur
         program.main(arguments)
     assert stop.value.code == 2
     assert words in capsys.readouterr().err
-
-
-def test_one_benchmark_alone_writes_no_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    page = tmp_path / "page.md"
-    assert program.main(["narx", "--rounds", "2", "--steps", "40", "-o", str(page)]) == 0
-    assert "one pass" in capsys.readouterr().out
-    assert not page.exists()

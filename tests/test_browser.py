@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from chromium import Tab, browser, executable
@@ -15,14 +14,9 @@ from mrdamp.compare import dyke1996
 from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.report.page import page as diagnosis_page
 from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Step, Where
-from mrdamp.gap.scenario import CRITERIA
 from mrdamp.model import Effect, Model
 from mrdamp.motions import kanai_tajimi
 from mrdamp.records import embedded
-from studies.blindtest import report as blindtest
-from studies.blindtest.score import Row as Case
-from studies.gap.page import page as gap_page
-from studies.gap.study import Row, Study
 
 pytestmark = [
     pytest.mark.slow,
@@ -86,14 +80,7 @@ def demo_page(folder: Path) -> Path:
 
 def network_page(folder: Path) -> Path:
     call = ["identify", "--law", "narx", "--hidden", "4", "--lags", "1", "--initialisations", "1"]
-    call += [
-        "--protocol",
-        "varying",
-        "--record",
-        "sine_5.0Hz_2.5mm_random_current",
-        "--counts",
-        "1200:600:500",
-    ]
+    call += "--protocol varying --record sine_5.0Hz_2.5mm_random_current --counts 1200:600:500".split()
     assert main([*call, "--page", str(folder / "index.html"), "-o", str(folder / "model.json")]) == 0
     return folder / "index.html"
 
@@ -113,26 +100,11 @@ def published_page(folder: Path) -> Path:
 
 
 def inverse_page(folder: Path) -> Path:
-    parameters = dict(
-        zip(("c0a", "c0b", "fya", "fyb", "v_ref"), (400.0, 150.0, 50.0, 600.0, 0.01), strict=True)
-    )
-    limits = {"command_min": 0.0, "command_max": 2.0}
-    Model("bingham", {**parameters, **limits}, name="bingham").write(folder.parent / f"{folder.name}.json")
+    parameters = {"c0a": 400.0, "c0b": 150.0, "fya": 50.0, "fyb": 600.0, "v_ref": 0.01}
     model = str(folder.parent / f"{folder.name}.json")
-    assert (
-        main(["inverse", model, "--plant", model, "--no-network", "--seconds", "2", "-o", str(folder)]) == 0
-    )
-    return folder / "index.html"
-
-
-def study_page(folder: Path) -> Path:
-    causes = ("driver_lag", "storey_stiffness@1", "sensor_leakage@3")
-    errors = dict.fromkeys(CRITERIA, (0.104, 0.016))
-    rows = tuple(
-        Row(cause, "effect", (cause,), 0.104, 0.02, 0.533, errors, (0.6, 0.9), 0.49, 0.49, 0.53, 0.48)
-        for cause in causes
-    )
-    gap_page(Study("clipped-optimal", 0.475, 0.008, rows)).write(folder / "index.html")
+    Model("bingham", {**parameters, "command_min": 0.0, "command_max": 2.0}, name="bingham").write(model)
+    call = ["inverse", model, "--plant", model, "--no-network", "--seconds", "2", "-o", str(folder)]
+    assert main(call) == 0
     return folder / "index.html"
 
 
@@ -169,44 +141,19 @@ def diagnosed_page(folder: Path) -> Path:
     return folder / "index.html"
 
 
-def blind_page(folder: Path) -> Path:
-    rng = np.random.default_rng(1)
-    labels = [
-        *("driver_lag", "saturation", "backlash", "~hum", "none", "parameters") * 8,
-        "driver_lag+backlash",
-    ]
-    cases = []
-    for k, label in enumerate(labels):
-        right, effect = rng.random() < 0.8, label[0] not in "~np"
-        causes = frozenset((name, None) for name in label.split("+") if effect and right)
-        verdict = ("effect" if effect else "unknown" if label[0] == "~" else label) if right else "none"
-        before = float(10 ** rng.uniform(-1.5, -0.3))
-        cases.append(Case(f"case_{k:03d}", "damper", label, ("driver",), False, verdict, causes, (), "driver",
-                          float(rng.uniform(0.3, 1)), before, 0.05 * before, 30.0))  # fmt: skip
-    blindtest.write(folder, cases, "ab" * 32, {"nominal only": cases[:9]})
-    return folder / "index.html"
-
-
-PAGES = {
+PAGES: dict[str, Callable[[Path], Path]] = {
     "demo": demo_page,
     "identify --law narx": network_page,
     "compare": comparison_page,
     "compare --preset dyke1996": published_page,
     "inverse": inverse_page,
-    "gap": study_page,
     "diagnose": diagnosed_page,
-    "blindtest": blind_page,
 }
 
 
-SLOW = ("demo", "inverse")
-
-
-@pytest.mark.parametrize(
-    "make", [pytest.param(f, id=n, marks=pytest.mark.slow if n in SLOW else ()) for n, f in PAGES.items()]
-)
-def test_page_is_whole_and_fits_a_phone(make: Callable[[Path], Path], tab: Tab, tmp_path: Path) -> None:
-    page = make(tmp_path)
+@pytest.mark.parametrize("name", PAGES)
+def test_page_is_whole_and_fits_a_phone(name: str, tab: Tab, tmp_path: Path) -> None:
+    page = PAGES[name](tmp_path)
     assert faults(tab, page, DESK) == []
     assert faults(tab, page, PHONE) == []
     assert faults(tab, page, PHONE, dark=True) == []
