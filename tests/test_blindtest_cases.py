@@ -20,16 +20,12 @@ from studies.blindtest import (
     causes,
     commissioning,
     damper_case,
-    dampers,
-    excitation,
     frame_causes,
     misfit_case,
-    recorder,
     run,
     score,
     unknown,
 )
-from studies.blindtest.bench import Truth
 from studies.blindtest.make import main, make_one
 from studies.blindtest.rig import Array, BlownUp
 from studies.blindtest.sizing import OWN, Faint, Task, goal, must_show, relative, size_for
@@ -228,16 +224,6 @@ def test_sampling_of_cases() -> None:
     assert case_sampling.draw(np.random.SeedSequence(5), 200) != tasks
 
 
-def test_sampling_of_another_law_has_controls_singles_and_unknown_causes() -> None:
-    tasks = case_sampling.draw(np.random.SeedSequence(4), 200, misfit=True)
-    kinds = Counter(
-        "own" if t.label == OWN else "unknown" if t.outside else "weak" if t.weak else "single" for t in tasks
-    )
-    assert kinds == {"own": 40, "unknown": 24, "weak": 20, "single": 116}
-    assert all(t.misfit and len(t.parts) <= 1 for t in tasks)
-    assert set(causes.EFFECTS) <= {part for t in tasks for part in t.parts}
-
-
 # --- causes that show -------------------------------------------------------------------------------
 def test_size_is_found_for_a_goal() -> None:
     assert 0.4 * size_for(lambda s: 0.4 * s, 0.05) == pytest.approx(0.05, rel=0.16)
@@ -246,19 +232,6 @@ def test_size_is_found_for_a_goal() -> None:
     rng = np.random.default_rng(0)
     assert all(0.015 <= goal(rng, weak=True, noise=0.01) <= 0.03 for _ in range(50))
     assert all(0.05 <= goal(rng, weak=False, noise=0.01) <= 0.3 for _ in range(50))
-
-
-def test_share_of_a_cause_in_company() -> None:
-    """Two factors of the force: without one of them the error loses what that one adds to the other."""
-    rng = np.random.default_rng(3)
-    device = dampers.draw(rng)
-    plain = Truth(device.numbers)
-    test = next(t for t in excitation.damper_tests(rng, device.machine, long=False) if t.kind == "random")
-    parts = {"sensor_gain": {"sensor.gain": 0.25}, "nothing": {"sat_form": 1.0, "sat_level": 1e9}}
-    shares = damper_case.gaps_of_causes(plain, parts, [test])
-    assert shares == pytest.approx({"sensor_gain": 0.25 / 1.25, "nothing": 0.0}, abs=1e-4)
-    late = damper_case.gaps_of_causes(plain, {"channel_shift": {"reading.shift": 0.01}}, [test])
-    assert late["channel_shift"] > 0.01
 
 
 def test_faint_case_is_drawn_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -281,15 +254,6 @@ def test_faint_case_is_drawn_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     )
     with pytest.raises(Faint, match="heating: opens a gap"):
         make_one(task, tmp_path, tmp_path, np.random.SeedSequence(1))
-
-
-def test_noise_is_as_stated() -> None:
-    rng = np.random.default_rng(0)
-    written = recorder.Noise(2.0, 0.9).onto(np.zeros(40_000), rng)
-    assert np.std(written) == pytest.approx(2.0, rel=0.05)
-    assert np.corrcoef(written[1:], written[:-1])[0, 1] == pytest.approx(0.9, abs=0.02)
-    stepped = recorder.Noise(0.0, step=0.5).onto(np.array([0.2, 0.3, 1.1]), rng)
-    assert list(stepped) == [0.0, 0.5, 1.0]
 
 
 # --- apart -------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from dampers import rms
 from excitation import Motion, constant, sine
-from rig_paths import DASHPOT, NOTHING, PLAIN, YIELD, clock, cycle, sensed, steady
+from rig_paths import DASHPOT, NOTHING, PLAIN, YIELD, clock, sensed, steady
 from studies.blindtest import bench, dampers, rig
 from studies.blindtest.bench import Truth
 from studies.blindtest.excitation import GRID_HZ, Excitation
@@ -162,34 +162,6 @@ def test_heat_is_the_work_done_and_thins_the_oil() -> None:
     kelvin = oil["heat"][-1]
     assert kelvin > 10
     assert oil["force"][-1] == pytest.approx(200.0 * np.exp(3000 * (1 / (293 + kelvin) - 1 / 293)))
-
-
-# --- where the rig's law is not the simulator's ----------------------------------------------------------
-SLIPPING = {"slip_force": 200.0, "slip_travel": 0.002, "slip_span": 1.0}
-
-
-@pytest.mark.parametrize("hz", [0.5, 2.0])
-def test_slip_elements_take_energy_whatever_the_rate(hz: float) -> None:
-    """Each of six elements slips on 2 (2 X - 2 d) of the way there and back, d its travel."""
-    x, force = cycle({**NOTHING, **SLIPPING}, hz)
-    travels = 0.002 * np.arange(1, 7) / 6
-    assert np.trapezoid(force, x) == pytest.approx(float(np.sum(200 / 6 * 4 * (0.005 - travels))), rel=0.02)
-    assert np.abs(force).max() == pytest.approx(200.0, rel=1e-3)
-
-
-def test_sigmoid_is_shifted_by_the_place_in_the_stroke() -> None:
-    numbers = {"law": 4.0, "fya": 100.0, "v_ref": 0.03, "hook_v": 0.01, "hook_x": 0.003}
-    x = 0.1 * clock(0.2)[::2]
-    expected = 100 * np.tanh((0.1 + 0.01 * np.tanh(x / 0.003)) / 0.03)
-    assert steady(numbers, 0.1)["force"] == pytest.approx(expected, abs=1e-9)
-
-
-def test_parts_are_neutral_where_they_are_not_asked_for() -> None:
-    neutral = {"map_share": 1.0, "slip_travel": 0.01, "rate_share": 0.9}
-    assert steady({**YIELD, **neutral}, 0.1)["force"] == pytest.approx(steady(YIELD, 0.1)["force"])
-    assert steady({**YIELD, **SLIPPING}, 0.0)["force"] == pytest.approx(
-        0.0, abs=1e-9
-    )  # at rest nothing pulls
 
 
 # --- bench --------------------------------------------------------------------------------------------
