@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -78,20 +78,6 @@ def test_good_rough_runs_spare_full_ones() -> None:
     got, spared = fitted(1.02)
     assert spared.runs < 0.2 * full.runs
     assert got.cost == pytest.approx(want.cost, rel=5e-3)
-
-
-@pytest.mark.parametrize("square", [0.0, 0.05])
-def test_what_is_told_of_a_fit_that_looked_along_rugged_coordinates_is_the_full_runs(square: float) -> None:
-    plain = toy(TRUTH)
-    rig = Stepped(plain.records, rough=Bent(plain.records, factor=1.05, square=square))
-    terms = []
-    for term in (t for t in rig.terms if t.effect in ("cubic", "sign")):
-        terms.append(replace(term, coordinates=tuple(replace(c, rugged=True) for c in term.coordinates)))
-    hypothesis, problem = Hypothesis(rig.nominal, tuple(terms)), Problem(rig, coarse=True)
-    for most in (3, 6, 20):
-        got = fit(problem, hypothesis, hypothesis.start(), most=most, tolerance=1e-2)
-        np.testing.assert_array_equal(got.residual, problem.residuals(hypothesis, got.point)[0])
-        assert got.cost == float(got.residual @ got.residual)
 
 
 LAW = {"c0a": 700.0, "c0b": 800.0, "alpha_a": 9e3, "alpha_b": 3e4, "k0": 900.0, "x0": 0.0, "k1": 400.0}

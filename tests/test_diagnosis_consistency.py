@@ -64,27 +64,6 @@ def test_a_regime_that_does_not_determine_a_parameter_is_marked() -> None:
     assert [r.records for r in rows if not r.determined] == [(first.name,)]
 
 
-def test_other_parameters_stay_as_in_the_fit_to_all_records() -> None:
-    """The gap without the cause is that of the free gain, not of the nominal simulator."""
-    found, problem, rows = estimates({"gain": 3.0, "offset": 0.3}, "offset")
-    gaps = problem.gaps(problem.of_settings([{"gain": found.settings["gain"]}])[0])
-    by_name = {problem.rig.records[b.record].name: gap for b, gap in zip(problem.blocks, gaps, strict=True)}
-    for r in rows:
-        assert r.gap_without == pytest.approx(
-            np.sqrt(np.mean([by_name[n] ** 2 for n in r.records])), rel=1e-9
-        )
-
-
-def test_a_regime_is_labelled_and_a_worse_one_is_known() -> None:
-    one = RegimeEstimate("command", 0.5, 0.5, ("01",), {"a": 1.0}, {"a": (0.9, 1.1)}, True, 0.1, 0.2)
-    assert one.worse
-    assert one.label() == "command 0.5"
-    assert not replace(one, determined=False).worse
-    assert not replace(one, gap_with=0.05).worse
-    assert replace(one, over="speed", high=0.75).label() == "speed 0.5 to 0.75 m/s"
-    assert replace(one, low=None, high=None).label() == "01"
-
-
 def test_a_wrong_law_widens_the_interval_of_a_named_cause() -> None:
     """A fifth power as a cubic: each regime has another factor, and the reported interval contains them all."""
     rig = toy({"fifth": 0.5})

@@ -17,14 +17,9 @@ from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings, Term
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
-from toy_rig import ToyRig, toy
+from toy_rig import ToyRig, search_of, toy
 
 NOISE = 0.005
-
-
-def of(rig: ToyRig) -> Search:
-    problem = Problem(rig)
-    return Search(problem, sum((NOISE / b.size) ** 2 for b in problem.blocks))
 
 
 def fitted(search: Search, name: str, *, free: bool = False, most: int = 12) -> Fit:
@@ -50,7 +45,7 @@ def test_a_cause_that_channels_establish_is_extended_first_beside_a_wrong_law(
 
 def test_what_is_foretold_is_what_runs_of_their_own_say(monkeypatch: pytest.MonkeyPatch) -> None:
     """In a sum of parts a change is the same on top of anything: exactly, and without a run."""
-    whole, told = (of(toy({"sign": 0.6, "cubic": 0.3}, NOISE)) for _ in range(2))
+    whole, told = (search_of(toy({"sign": 0.6, "cubic": 0.3}, NOISE), NOISE) for _ in range(2))
     for search in (whole, told):
         screening.screen(search, search.fits[False, frozenset()], search.problem.rig.terms)
     sign = next(t for t in whole.problem.rig.terms if t.effect == "sign")
@@ -85,7 +80,7 @@ class Formed(ToyRig):
 
 @pytest.mark.parametrize(("truth", "name"), [({"cubic": 0.4}, "cubic"), ({"fifth": 0.4}, "cubic:fifth")])
 def test_the_better_form_of_a_cause_stands(truth: Settings, name: str) -> None:
-    search = of(Formed(toy(truth, NOISE).records))
+    search = search_of(Formed(toy(truth, NOISE).records), NOISE)
     screening.screen(search, search.base, search.problem.rig.terms)
     alternative_forms.reform(search, fitted(search, "cubic"))
     best = search.best(False)
@@ -95,7 +90,7 @@ def test_the_better_form_of_a_cause_stands(truth: Settings, name: str) -> None:
 
 
 def test_a_fit_that_was_broken_off_is_continued() -> None:
-    search = of(toy({"sign": 0.6}, NOISE))
+    search = search_of(toy({"sign": 0.6}, NOISE), NOISE)
     begun = fitted(search, "sign", most=0)
     object.__setattr__(begun, "converged", False)
     assert begun.settings["sign"] != pytest.approx(0.6, abs=0.05)
@@ -106,7 +101,7 @@ def test_a_fit_that_was_broken_off_is_continued() -> None:
 
 @pytest.mark.parametrize(("gain", "free"), [(2.0, False), (2.4, True)])
 def test_parameters_are_freed_where_left_out_records_need_it(gain: float, free: bool) -> None:
-    search = of(toy({"sign": 0.6, "gain": gain}, NOISE))
+    search = search_of(toy({"sign": 0.6, "gain": gain}, NOISE), NOISE)
     held = fitted(search, "sign")
     fitted(search, "sign", free=True)
     assert bool(least_left_out(search, held).hypothesis.nominal) == free
@@ -115,7 +110,7 @@ def test_parameters_are_freed_where_left_out_records_need_it(gain: float, free: 
 def test_a_free_law_gets_what_it_changed_and_not_what_it_could_take() -> None:
     """Alone the gain takes up nearly all of a cubic part; beside the cause it moves little, and that is its share."""
     rig = toy({"cubic": 0.5, "gain": 2.02}, NOISE)
-    search = of(rig)
+    search = search_of(rig, NOISE)
     problem = search.problem
     chosen = fitted(search, "cubic", free=True)
     assert search.base.cost < 0.3 * search.nominal_cost  # alone, the law does most of it

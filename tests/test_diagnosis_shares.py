@@ -17,7 +17,6 @@ from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.resample import draws, spread
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
-from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
@@ -29,7 +28,7 @@ from mrdamp.records import Record
 from studies.blindtest import rig as reference
 from studies.blindtest.bench import Truth, damper_channels, logged
 from studies.blindtest.excitation import GRID_HZ, Excitation
-from toy_rig import ToyRig, toy
+from toy_rig import ToyRig, search_of, toy
 
 LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
 NOISE = 4.0  # N
@@ -131,9 +130,7 @@ def test_a_current_in_another_unit_than_the_command_counts_by_its_shape() -> Non
 
 
 def searched(truth: dict[str, float], noise: float) -> Search:
-    rig = toy(truth, noise)
-    problem = Problem(rig)
-    search = Search(problem, sum((noise / b.size) ** 2 for b in problem.blocks), Limits())
+    search = search_of(toy(truth, noise), noise)
     search.run()
     return search
 

@@ -24,7 +24,6 @@ from mrdamp.diagnosis.evidence.verdict import (
     with_lapse,
 )
 from mrdamp.diagnosis.fits.least_squares import fit
-from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
 from mrdamp.diagnosis.problem.noise import channel_noise
@@ -37,16 +36,13 @@ from mrdamp.records.motion import stroke_since_reversal
 from mrdamp.records.sampling import memory
 from mrdamp.records.smoothing import noise_level, smoothed
 from mrdamp.records.upsampling import repaired_ends, upsampled
-from toy_rig import DT, ToyRig, toy
+from toy_rig import DT, ToyRig, search_of, toy
 
 RNG = np.random.default_rng(5)
 
 
 def searched(truth: dict[str, float], noise: float = 0.02) -> Search:
-    rig = toy(truth, noise)
-    problem = Problem(rig)
-    floor = sum((noise / b.size) ** 2 for b in problem.blocks)
-    search = Search(problem, floor, Limits())
+    search = search_of(toy(truth, noise), noise)
     search.run()
     return search
 

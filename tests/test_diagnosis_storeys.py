@@ -12,8 +12,7 @@ from excitation import Array
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.frame_run import judge
-from mrdamp.diagnosis.hypotheses.outside import plain
-from mrdamp.diagnosis.hypotheses.outside_storeys import bent, storey_rivals
+from mrdamp.diagnosis.hypotheses.outside_storeys import bent
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.errors import InputError
@@ -107,17 +106,6 @@ def test_springs_that_no_frame_can_have_are_refused() -> None:
             shaken(1),
             0.0,
         )
-
-
-def test_every_storeys_rival_has_words_and_starts_within_its_ranges() -> None:
-    s = ShearFrame(MASS, STIFFNESS, DAMPING, (0, 1))
-    terms = storey_rivals(s, [2], np.full(2, 1e-3), np.full(2, 4e-3))
-    assert {t.cause for t in terms} == {"storey_crack@2", "storey_yield@2", "storey_hardening@2"}
-    for term in terms:
-        assert plain(term).endswith("in storey 2")
-        for start in term.starts:
-            for c, value in zip(term.coordinates, start, strict=True):
-                assert c.low <= value <= c.high
 
 
 def measured(spring: Spring, noise: float = 0.01) -> tuple[tuple[Record, ...], Array]:
