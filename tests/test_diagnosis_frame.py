@@ -13,11 +13,10 @@ from mrdamp.diagnosis.attribution.frame_blocks import blocks, place_shares
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.table import FitTable
-from mrdamp.diagnosis.frame_run import LIMITS, most_different, reduced, stepped
+from mrdamp.diagnosis.frame_run import LIMITS, most_different, reduced
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.designs import columns, drawn
-from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged, block_means
-from mrdamp.diagnosis.problem.noise import Noise
+from mrdamp.diagnosis.problem.frame import FrameRig, averaged, block_means
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.handover import agreement
 from mrdamp.diagnosis.run import diagnose
@@ -223,14 +222,6 @@ def test_a_lag_beside_wrong_numbers_is_one_cause(
     assert [e.effect for e in answer.effects] == ["driver_lag"]
     assert not [name for name in fitted if name.startswith("held") and "+" in name]
     assert answer.gap.corrected < answer.gap.recalibrated
-
-
-def test_where_no_step_will_do_after_a_jump_means_are_compared(measured: dict[str, Record]) -> None:
-    rig = FrameRig(believed(), (measured["off"], measured["steps"]), 4)
-    loud, quiet = (Noise(np.full(7, level), "high band", np.full(7, level)) for level in (10.0, 1e-7))
-    easy, hard = stepped(rig, loud), stepped(rig, quiet)
-    assert (easy.full_rate, easy.jump_step, easy.coarse_step) == (True, COARSE, COARSE)
-    assert (hard.full_rate, hard.jump_step, hard.coarse_step) == (False, FINE / 2, FINE / 2)
 
 
 def test_the_written_frame_follows_jumps_as_the_c_entry_does(measured: dict[str, Record]) -> None:

@@ -11,8 +11,6 @@ import pytest
 from scipy.signal import lfilter
 
 from mrdamp.diagnosis.attribution.interfaces import parts
-from mrdamp.diagnosis.attribution.shares import Measured
-from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.resample import draws, spread
@@ -149,26 +147,6 @@ def test_intervals_of_shares_hold_the_shares_and_widen_with_the_noise() -> None:
         assert low <= 0.8 <= high  # the squares, .36 to .09
         widths.append(high - low)
     assert 0 < widths[0] < widths[1]
-
-
-def test_what_was_measured_goes_before_what_comes_near() -> None:
-    search = searched({"outside": 1.2}, 0.02)
-    fits, decision = judge(search)
-    chosen = fits[decision.chosen.index]
-    assert decision.verdict == "unknown"
-    near = {"driver": 0.1, "fluid": 0.3, "mechanics": 0.2, "sensor": 0.4}
-    evidence = StageEvidence(tuple(near), np.log(np.tile(list(near.values()), (401, 1))))
-    parted = (
-        Measured("a", ("driver", "fluid", "mechanics"), 0.9, (0.8, 1.0)),
-        Measured("b", ("sensor",), 0.1, (0.0, 0.2)),
-    )
-    drawn = np.column_stack([np.linspace(0.8, 1.0, 400), np.linspace(0.2, 0.0, 400)])
-    shares, found = stage_shares(search, chosen, "unknown", parted, drawn, evidence)
-    assert shares["sensor"] == pytest.approx(0.1)
-    assert shares["fluid"] / shares["mechanics"] == pytest.approx(1.5)
-    low, high = found["sensor"]
-    assert low == pytest.approx(0.005, abs=0.01)
-    assert high == pytest.approx(0.195, abs=0.01)
 
 
 def fitted(rig: ToyRig) -> tuple[Problem, Fit]:

@@ -13,8 +13,8 @@ from scipy.signal import lfilter
 from mrdamp.diagnosis.attribution.frame_blocks import Block, shares_by_stage
 from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
 from mrdamp.diagnosis.attribution.shares import Measured
-from mrdamp.diagnosis.attribution.stage_columns import columns_of, play
-from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, wavering
+from mrdamp.diagnosis.attribution.stage_columns import columns_of
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.evidence.resample import DRAWS
@@ -184,30 +184,6 @@ def test_the_stage_of_a_fault_of_a_frames_damper(name: str, between: tuple[int, 
     faint = replace(block, drawn=np.where(np.arange(DRAWS) % 2, 0.0, 0.04))
     low, high = shares_by_stage(search, search.base, "unknown", [faint], evidence)[1][stage]
     assert 0.5 < low <= high <= 1
-
-
-def test_wavering_is_told_from_a_white_rest_and_by_its_gain() -> None:
-    rng = np.random.default_rng(5)
-    gain = np.sin(0.05 * np.arange(4000))
-    number = np.repeat(rng.standard_normal(250), 16)
-    error = 2 * gain * number + 0.1 * rng.standard_normal(4000)
-    groups = [np.arange(4000) // 500]
-
-    def mean(e: Array, g: Array) -> float:
-        values, samples = wavering([e], [g], [0.002], 0.01, groups, 8)
-        assert samples.sum() == pytest.approx(4000, abs=64)
-        return float(values.sum() / samples.sum())
-
-    white = -0.5 * np.log(np.mean(error**2)) - 0.5
-    assert mean(error, gain) > mean(error, np.ones(4000)) + 0.1 > white + 0.2
-    # The rest's own variance, 0.01, is what is left for 15 of 16 samples in a window.
-    assert mean(error, gain) == pytest.approx(-0.5 * np.log(0.01) - 0.5, abs=0.3)
-    noise = rng.standard_normal(4000)
-    assert mean(noise, gain) == pytest.approx(-0.5 * np.log(np.mean(noise**2)) - 0.5, abs=0.01)
-
-
-def test_play_follows_through_its_gap() -> None:
-    assert play(np.array([0.0, 1.0, 3.0, 2.5, 1.0, 0.0]), 1.0).tolist() == [0.0, 0.0, 2.0, 2.0, 2.0, 1.0]
 
 
 def test_another_rig_has_no_such_stages() -> None:
