@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mrdamp.diagnosis.answer import named_effects
-from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull
 from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
@@ -108,3 +108,21 @@ def test_a_cause_is_reported_in_the_form_of_the_last_fit() -> None:
     assert named.parameters == {"fifth": pytest.approx(0.5, abs=0.02)}
     assert named.by_regime
     assert all(set(r.parameters) == set(r.intervals) == {"fifth"} for r in named.by_regime)
+
+
+def test_the_hull_contains_every_regime_that_determines_a_parameter() -> None:
+    one = RegimeEstimate("speed", 0.1, 0.1, ("01",), {"a": 1.0}, {"a": (0.7, 1.1)}, True, 0.1, 0.05)
+    two = replace(one, intervals={"a": (0.95, 1.6)})
+    vague = replace(one, intervals={"a": (-9.0, 9.0)}, determined=False)
+    assert hull({"a": (0.9, 1.2), "b": (0.0, 1.0)}, (one, two, vague)) == {"a": (0.7, 1.6), "b": (0.0, 1.0)}
+    assert hull({"a": (0.9, 1.2)}, ()) == {"a": (0.9, 1.2)}
+
+
+def test_a_regime_is_labelled_and_a_worse_one_is_known() -> None:
+    one = RegimeEstimate("command", 0.5, 0.5, ("01",), {"a": 1.0}, {"a": (0.9, 1.1)}, True, 0.1, 0.2)
+    assert one.worse
+    assert one.label() == "command 0.5"
+    assert not replace(one, determined=False).worse
+    assert not replace(one, gap_with=0.05).worse
+    assert replace(one, over="speed", high=0.75).label() == "speed 0.5 to 0.75 m/s"
+    assert replace(one, low=None, high=None).label() == "01"

@@ -13,10 +13,11 @@ from mrdamp.diagnosis.attribution.frame_blocks import blocks, place_shares
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.table import FitTable
-from mrdamp.diagnosis.frame_run import LIMITS, most_different, reduced
+from mrdamp.diagnosis.frame_run import LIMITS, most_different, reduced, stepped, too_coarse
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.designs import columns, drawn
-from mrdamp.diagnosis.problem.frame import FrameRig, averaged, block_means
+from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged, block_means
+from mrdamp.diagnosis.problem.noise import Noise
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.handover import agreement
 from mrdamp.diagnosis.run import diagnose
@@ -224,7 +225,42 @@ def test_a_lag_beside_wrong_numbers_is_one_cause(
     assert answer.gap.corrected < answer.gap.recalibrated
 
 
+def test_where_no_step_will_do_after_a_jump_means_are_compared(measured: dict[str, Record]) -> None:
+    rig = FrameRig(believed(), (measured["off"], measured["steps"]), 4)
+    loud, quiet = (Noise(np.full(7, level), "high band", np.full(7, level)) for level in (10.0, 1e-7))
+    easy, hard = stepped(rig, loud), stepped(rig, quiet)
+    assert (easy.full_rate, easy.jump_step, easy.coarse_step) == (True, COARSE, COARSE)
+    assert (hard.full_rate, hard.jump_step, hard.coarse_step) == (False, FINE / 2, FINE / 2)
+
+
 def test_the_written_frame_follows_jumps_as_the_c_entry_does(measured: dict[str, Record]) -> None:
     told = agreement(believed(), measured["steps"])
     assert told.within
     assert told.difference < 0.0025
+
+
+def test_steps_get_finer_only_where_they_are_called_for(measured: dict[str, Record]) -> None:
+    """The errors of a step are those against half of it, in records whose command jumps and in the others apart."""
+    rig = FrameRig(believed(), (measured["off"], measured["steps"]), 4)
+    problem = Problem(rig, coarse=True)
+    of = {b.record: b for b in problem.blocks}
+    apart = {}
+    for name in ("jump_step", "coarse_step"):
+        half = Problem(replace(rig, **{name: getattr(rig, name) / 2}), coarse=True)
+        change = problem.of_settings([{}])[0] - half.of_settings([{}])[0]
+        apart[name] = [bool(np.any(change[of[k].span])) for k in (0, 1)]
+    assert apart == {"jump_step": [False, True], "coarse_step": [True, False]}
+    loud, quiet = (np.full(len(problem.blocks), level) for level in (1.0, 1e-6))
+    assert not any(too_coarse(problem, loud, jumps) for jumps in (True, False))
+    assert all(too_coarse(problem, quiet, jumps) for jumps in (True, False))
+
+
+def test_a_storeys_share_has_an_interval(measured: dict[str, Record]) -> None:
+    found = blocks(case_of(believed(stiffness=(5.16e5, 8.0e5, 6.84e5)), measured))
+    shares, ends = place_shares(found)
+    assert shares["storey 2"] > 0.9
+    assert ends["storey 2"][0] - 1e-9 <= shares["storey 2"] <= ends["storey 2"][1] + 1e-9
+    assert ends["storey 3"] == (0.0, 0.0)
+    wrong = found[[b.name for b in found].index("storey 2")]
+    assert np.mean(wrong.drawn) == pytest.approx(wrong.gap**2, rel=0.15)
+    assert place_shares([b for b in found if b.clean])[1] == {}

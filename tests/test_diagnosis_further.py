@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from mrdamp.diagnosis.evidence import further
 from mrdamp.diagnosis.evidence.further import with_further
 from mrdamp.diagnosis.evidence.judgement import decided, likely, scored
 from mrdamp.diagnosis.evidence.verdict import Decision
@@ -101,3 +104,47 @@ def test_a_cause_is_handed_over_with_the_parameters_that_it_had_bent(own: float)
         assert found.settings["gain"] == pytest.approx(2.6, rel=0.02)
         assert after.unexplained < decision.unexplained
         assert len(after.probabilities) == len(more)
+
+
+@pytest.mark.parametrize(
+    ("second", "rival", "freed", "known", "named"),
+    [
+        (0.60, 0.70, 1.0, 0.0, ("a", "b")),
+        (0.60, 0.63, 1.0, 0.0, ("a",)),
+        (0.60, 0.70, 0.5, 0.0, ("a",)),
+        (0.95, 1.0, 1.0, 0.0, ("a",)),
+        (0.60, 1.0, 1.0, 0.0, ("a", "b")),
+        (0.60, 1.0, 1.0, 28.0, ("a",)),
+    ],
+)
+def test_a_second_cause_beats_its_rivals_by_a_tenth_and_free_parameters_too(
+    second: float,
+    rival: float,
+    freed: float,
+    known: float,
+    named: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Shares of the left-out squares beside the cause a, by hand. known: nats against b because the law lacks it."""
+
+    def fit_of(*causes: str, nominal: tuple[str, ...] = ()) -> Any:
+        hypothesis = SimpleNamespace(causes=causes, nominal=nominal)
+        return SimpleNamespace(hypothesis=hypothesis, point=np.zeros(len(causes)), cost=1.0)
+
+    parent, free = fit_of("a"), fit_of("a", nominal=("c0",))
+    left = {("a", "b"): second, ("a", "c"): rival}
+    search = SimpleNamespace(
+        beside=lambda _: [fit_of("a", "b"), fit_of("a", "c")],
+        problem=SimpleNamespace(rig=None),
+        best_version=lambda _: None,
+        versions=lambda f: [(freed if f is free else left[f.hypothesis.causes], False)],
+        ratio=lambda share, _: share,
+        smallest=lambda is_free, _: free,
+        direct={},
+        own=0.0,
+        inexact=True,
+    )
+    monkeypatch.setattr(further, "of_itself", lambda _: 0.0)
+    monkeypatch.setattr(further, "of_law", lambda _, causes: known * (causes == ("b",)))
+    found = further._further(search, parent)  # type: ignore[arg-type]
+    assert (("a",) if found is None else found[0].hypothesis.causes) == named

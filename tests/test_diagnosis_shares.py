@@ -234,3 +234,23 @@ def test_what_the_records_do_not_show_has_its_whole_range_as_its_interval() -> N
     ends = spread(problem, found_both).intervals()
     assert ends["offset"] == pytest.approx((-4.8, 2.8), abs=0.01)  # 95 % of the range
     assert ends["gain"] == pytest.approx(spread(problem, found).intervals()["gain"])
+
+
+def test_what_was_measured_goes_before_what_comes_near() -> None:
+    search = searched({"outside": 1.2}, 0.02)
+    fits, decision = judge(search)
+    chosen = fits[decision.chosen.index]
+    assert decision.verdict == "unknown"
+    near = {"driver": 0.1, "fluid": 0.3, "mechanics": 0.2, "sensor": 0.4}
+    evidence = StageEvidence(tuple(near), np.log(np.tile(list(near.values()), (401, 1))))
+    parted = (
+        Measured("a", ("driver", "fluid", "mechanics"), 0.9, (0.8, 1.0)),
+        Measured("b", ("sensor",), 0.1, (0.0, 0.2)),
+    )
+    drawn = np.column_stack([np.linspace(0.8, 1.0, 400), np.linspace(0.2, 0.0, 400)])
+    shares, found = stage_shares(search, chosen, "unknown", parted, drawn, evidence)
+    assert shares["sensor"] == pytest.approx(0.1)
+    assert shares["fluid"] / shares["mechanics"] == pytest.approx(1.5)
+    low, high = found["sensor"]
+    assert low == pytest.approx(0.005, abs=0.01)
+    assert high == pytest.approx(0.195, abs=0.01)
