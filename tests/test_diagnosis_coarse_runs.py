@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -125,3 +125,17 @@ def test_threads_change_nothing() -> None:
     settings: list[Settings] = [{"c0a": c} for c in (500.0, 700.0, 900.0, 1100.0, 1300.0)]
     one, three = (damper(0.002, threads).simulate(settings, 0, coarse=True) for threads in (1, 3))
     np.testing.assert_array_equal(one, three)
+
+
+@pytest.mark.parametrize("square", [0.0, 0.05])
+def test_what_is_told_of_a_fit_that_looked_along_rugged_coordinates_is_the_full_runs(square: float) -> None:
+    plain = toy(TRUTH)
+    rig = Stepped(plain.records, rough=Bent(plain.records, factor=1.05, square=square))
+    terms = []
+    for term in (t for t in rig.terms if t.effect in ("cubic", "sign")):
+        terms.append(replace(term, coordinates=tuple(replace(c, rugged=True) for c in term.coordinates)))
+    hypothesis, problem = Hypothesis(rig.nominal, tuple(terms)), Problem(rig, coarse=True)
+    for most in (3, 6, 20):
+        got = fit(problem, hypothesis, hypothesis.start(), most=most, tolerance=1e-2)
+        np.testing.assert_array_equal(got.residual, problem.residuals(hypothesis, got.point)[0])
+        assert got.cost == float(got.residual @ got.residual)

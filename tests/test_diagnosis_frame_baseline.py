@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrdamp.diagnosis.attribution import frame_damper as module
 from mrdamp.diagnosis.attribution.frame_blocks import blocks
 from mrdamp.diagnosis.attribution.frame_damper import frame_baseline_law
 from mrdamp.diagnosis.case.folder import Case
@@ -71,3 +72,12 @@ def test_a_frame_without_a_baseline_or_a_damper_to_compare_keeps_its_law() -> No
     one = case()
     assert frame_baseline_law(replace(one, baseline=()), blocks(one)) is None
     assert frame_baseline_law(one, [b for b in blocks(one) if b.kind != "damper"]) is None
+
+
+def test_a_law_that_reaches_the_noise_is_not_identified_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("identified again")
+
+    monkeypatch.setattr(module, "baseline_law", never)
+    noisy = [replace(b, noise=b.gap) if b.kind == "damper" else b for b in blocks(case())]
+    assert frame_baseline_law(case(), noisy) is None

@@ -149,3 +149,27 @@ def test_a_law_is_handed_over_if_it_leaves_less_of_left_out_records() -> None:
     assert handed is not None
     assert handed.problem.rig.model({}).law == other.law
     assert handed.heldout is less.left_out
+
+
+@pytest.mark.slow
+def test_a_cause_that_leaves_as_little_as_the_laws_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of(case())
+    chosen = fitted(problem, "shear_thinning")
+    monkeypatch.setattr(module, "heldout", lambda *_: np.full(len(problem.blocks), 1e-3))
+    assert other_law(case(), problem, chosen) is None
+
+
+@pytest.mark.slow
+def test_only_causes_in_the_form_of_a_law_of_a_measured_damper_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("identified")
+
+    monkeypatch.setattr(module, "identify", never)
+    problem = problem_of(case())
+    assert other_law(case(), problem, fitted(problem, "seal_friction")) is None
+    for name in ("shear_thinning", "heating"):
+        with pytest.raises(AssertionError, match="identified"):
+            other_law(case(), problem, fitted(problem, name))
+    for missing in ("force_N", "floor1_displacement_m"):
+        some = tuple(replace(r, channels={k: v for k, v in r.channels.items() if k != missing}) for r in case().records)
+        assert other_law(replace(case(), records=some), problem, fitted(problem, "shear_thinning")) is None

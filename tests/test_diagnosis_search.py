@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
 from mrdamp.diagnosis.fits import alternative_forms, screening
+from mrdamp.diagnosis.fits.beam import parents
 from mrdamp.diagnosis.fits.final import final_fit, least_left_out
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.fits.table import FitTable
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings, Term
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
@@ -43,29 +47,55 @@ def test_a_cause_that_channels_establish_is_extended_first_beside_a_wrong_law(
     assert pair[0] == parent
 
 
-def test_what_is_foretold_is_what_runs_of_their_own_say(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def simulated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many settings each run of a record was asked for."""
+    counts, simulate = list[int](), ToyRig.simulate
+
+    def counted(rig: ToyRig, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        counts.append(len(settings))
+        return simulate(rig, settings, record, coarse=coarse)
+
+    monkeypatch.setattr(ToyRig, "simulate", counted)
+    return counts
+
+
+def screened() -> Search:
+    search = search_of(toy({"sign": 0.6, "cubic": 0.3}, NOISE), NOISE)
+    screening.screen(search, search.fits[False, frozenset()], search.problem.rig.terms)
+    return search
+
+
+def test_what_is_foretold_is_what_runs_of_their_own_say(
+    monkeypatch: pytest.MonkeyPatch, simulated: list[int]
+) -> None:
     """In a sum of parts a change is the same on top of anything: exactly, and without a run."""
-    whole, told = (search_of(toy({"sign": 0.6, "cubic": 0.3}, NOISE), NOISE) for _ in range(2))
-    for search in (whole, told):
-        screening.screen(search, search.fits[False, frozenset()], search.problem.rig.terms)
+    whole, told = screened(), screened()
     sign = next(t for t in whole.problem.rig.terms if t.effect == "sign")
     none = whole.fits[False, frozenset()].hypothesis
     first, second = (s.fitted(none.plus(sign), np.array([1.0]), most=8) for s in (whole, told))
     others = whole.addable(("sign",))
     want = screening.screen(whole, first, others)
     monkeypatch.setattr(screening, "_LOOKED_AT", 1)
-    simulated, simulate = list[int](), ToyRig.simulate
-
-    def counted(rig: ToyRig, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
-        simulated.append(len(settings))
-        return simulate(rig, settings, record, coarse=coarse)
-
-    monkeypatch.setattr(ToyRig, "simulate", counted)
+    simulated.clear()
     got = screening.screen(told, second, others)
     assert sum(simulated) == 2 * len(told.problem.records)  # the fit's own and one term's
     assert [p.term.name for p in got] == [p.term.name for p in want]
     assert np.allclose([p.cost for p in got], [p.cost for p in want], rtol=1e-9)
     assert got[0].term.effect == "cubic"
+
+
+@pytest.mark.parametrize(("by", "foretold"), [(0.3, True), (0.5, False)])
+def test_nothing_is_foretold_where_numbers_moved_far(
+    by: float, foretold: bool, monkeypatch: pytest.MonkeyPatch, simulated: list[int]
+) -> None:
+    monkeypatch.setattr(screening, "_LOOKED_AT", 0)
+    search = screened()
+    moved = search.fitted(search.base.hypothesis, np.array([by / 0.1]), most=0, stage=f" {by}")
+    simulated.clear()
+    screening.screen(search, moved, search.problem.rig.terms)
+    every = (len(search.problem.rig.terms) + 1) * len(search.problem.records)  # the fit's own and every term's
+    assert sum(simulated) == (0 if foretold else every)
 
 
 @dataclass(frozen=True)
@@ -122,3 +152,30 @@ def test_a_free_law_gets_what_it_changed_and_not_what_it_could_take() -> None:
     found = Changes.of(search, chosen).table.sum(axis=0)
     assert found / found.sum() == pytest.approx(expected / expected.sum(), abs=0.02)
     assert found[0] > 10 * found[1]
+
+
+def fit_of(cost: float, *causes: str) -> Fit:
+    return cast(Fit, SimpleNamespace(cost=cost, hypothesis=SimpleNamespace(causes=causes)))
+
+
+@pytest.mark.parametrize(
+    ("fits", "chosen"),
+    [
+        ([(0.1, "a"), (0.3, "b"), (0.5, "c")], [0, 1]),  # what leaves five times as much
+        ([(0.1, "a"), (0.11, "b"), (0.12, "c"), (0.13, "d")], [0, 1, 2]),
+        ([(0.0101, "a"), (0.0125, "b"), (0.014, "c")], [0, 1]),  # within the noise floor's penalty
+        ([(0.0101, "a"), (0.0101, "b"), (0.0101, "c")], [0, 1, 2]),
+        ([], []),
+    ],
+)
+def test_causes_are_added_to_fits_that_come_near_the_best(fits: list[Any], chosen: list[int]) -> None:
+    ranked = [fit_of(*f) for f in fits]
+    found = parents(ranked, 3, 0.01, 1e-4)
+    assert [ranked.index(f) for f in found] == chosen
+
+
+def test_each_set_of_causes_is_there_in_its_best_form_alone() -> None:
+    ranked = [fit_of(*f) for f in ((0.1, "a"), (0.11, "a"), (0.12, "a", "b"), (0.2, "b"), (0.3, "b"))]
+    table = cast(FitTable, SimpleNamespace(ranked=lambda free: ranked))
+    assert [f.cost for f in FitTable.sets(table, True, 1)] == [0.1, 0.2]
+    assert [f.cost for f in FitTable.sets(table, True, 1, lambda f: -f.cost)] == [0.3, 0.11]

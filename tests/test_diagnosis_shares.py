@@ -11,6 +11,8 @@ import pytest
 from scipy.signal import lfilter
 
 from mrdamp.diagnosis.attribution.interfaces import parts
+from mrdamp.diagnosis.attribution.shares import Measured
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.resample import draws, spread

@@ -13,7 +13,7 @@ from mrdamp.diagnosis.attribution.stages import regimes, stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import LAPSE
 from mrdamp.diagnosis.damper_run import judge
-from mrdamp.diagnosis.evidence.ceiling import ceiling
+from mrdamp.diagnosis.evidence.ceiling import ceiling, of_fit
 from mrdamp.diagnosis.evidence.judgement import with_nearest
 from mrdamp.diagnosis.evidence.verdict import (
     Scored,
@@ -299,3 +299,10 @@ def test_probabilities_leave_room_for_what_nobody_thought_of() -> None:
     assert beside["effect"] == beside["parameters"] == LAPSE < beside["unknown"] == beside["none"]
     assert lapse_of("effect", inexact=True, worse=True) > beside["none"]
     assert {lapse_of(v, inexact=False, worse=w) for v in beside for w in (True, False)} == {LAPSE}
+
+
+def test_the_ceiling_of_a_fit_leaves_the_noise() -> None:
+    rig = toy({"cubic": 0.5}, noise=0.05)
+    problem = Problem(rig)
+    found = of_fit(problem, problem.of_settings([{}])[0], sum((0.05 / b.size) ** 2 for b in problem.blocks))
+    assert found > 0.8
