@@ -292,3 +292,16 @@ def test_runs_go_on_where_a_row_stands() -> None:
     rest.go_on(moment, measured, 200)
     found, _ = rest.run(np.stack([u[300:500]] * 3))
     np.testing.assert_array_equal(found, np.stack([whole[0, 300:500]] * 3))
+
+
+def test_a_horizon_leaves_earlier_commands_alone() -> None:
+    rolled = rollouts()
+    u = np.full(rolled.periods, 0.5 * LARGEST)
+    y, states = rolled.run(u[None], states=True)
+    at, period, channel = np.arange(500), np.array([200, 500]), np.array([0, 3])
+    slopes = rolled.slopes(y[0], states[0], u, at)
+    far, near = (sensitivity(slopes, at, period, channel, horizon) for horizon in (500, 50))
+    for i, k in enumerate(period):
+        np.testing.assert_array_equal(near[i, : k - 50], 0.0)
+        np.testing.assert_allclose(near[i, k - 50 : k], far[i, k - 50 : k], rtol=1e-9)
+        assert np.abs(far[i, : k - 50]).max() > 0

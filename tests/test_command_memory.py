@@ -101,3 +101,14 @@ def test_a_file_tells_how_the_command_was_logged(record: Record) -> None:
     assert again.extra[LOG] == AS_SENT
     assert {e.name for e in again.effects} == {"remanence"}
     assert log_entry({}) == {}
+
+
+def test_terms_along_the_log_are_there_where_a_log_rings(record: Record) -> None:
+    ringing = DamperRig(Model("bingham", LAW), (record,)).terms
+    flat = replace(record, channels={**record.channels, "command": np.full(record.n, 0.5)})
+    still = DamperRig(Model("bingham", LAW), (flat,)).terms
+    along = [t for t in ringing if ALONG in t.fixed]
+    assert along
+    assert {t.effect for t in along} == {"remanence"}
+    assert not [t for t in still if ALONG in t.fixed]
+    assert len({t.name for t in ringing}) == len(ringing) == len(still) + len(along)

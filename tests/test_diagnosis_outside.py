@@ -213,3 +213,9 @@ def test_an_end_stop_is_owned_to_be_none_of_the_catalogue(tmp_path: Path) -> Non
     assert found.probabilities["unknown"] > 0.8
     assert found.to_dict()["outside_catalogue"] == found.outside
     assert not any(name.startswith("outside") for e in found.corrected.effects for name in e.parameters)
+
+
+def test_sets_with_the_same_rival_run_together_and_the_chain_sees_none_of_it() -> None:
+    sets = [{"c0a": 1.0}, {"outside_threshold": 0.1, "c0a": 2.0}, {"outside_threshold": 0.1}, {"fya": 1.0}]
+    assert outside.grouped(sets) == [({}, [0, 3]), ({"outside_threshold": 0.1}, [1, 2])]
+    assert outside.inside_of(sets[1]) == {"c0a": 2.0}
