@@ -28,15 +28,14 @@ def by_diffusion(s: Array) -> Array:
     """By the first four zeros of J0 behind the coil's own pole."""
     shares = jn_zeros(0, 4) ** -2 / np.sum(jn_zeros(0, 4) ** -2)
     taus = 0.05 * (jn_zeros(0, 4)[0] / jn_zeros(0, 4)) ** 2
-    return 1 - np.sum(
-        [share * two_poles(s, tau, 0.008) for share, tau in zip(shares, taus, strict=True)], axis=0
-    )
+    left = [share * two_poles(s, tau, 0.008) for share, tau in zip(shares, taus, strict=True)]
+    return np.asarray(1 - np.sum(left, axis=0))
 
 
 def controlled(s: Array) -> Array:
     """i'' tau + i' (1 + K) + i K / T = K / T: w0^2 = K / (T tau) = 1250, 2 z w0 = 2 / tau."""
     w, d = np.sqrt(1250 - 25**2), 25.0
-    return 1 - np.exp(-d * s) * (np.cos(w * s) + (d - 25.0) / w * np.sin(w * s))
+    return np.asarray(1 - np.exp(-d * s) * (np.cos(w * s) + (d - 25.0) / w * np.sin(w * s)))
 
 
 @pytest.mark.parametrize(
@@ -125,7 +124,7 @@ SHAKEN = Excitation(
     np.interp(
         np.arange(_TIME + 1), np.arange(0, _TIME + 1, 100), 0.006 * np.random.default_rng(2).normal(size=81)
     ),
-    DEVICE.machine.command * (np.arange(_TIME + 1) % 1700 < 1200),
+    np.where(np.arange(_TIME + 1) % 1700 < 1200, DEVICE.machine.command, 0.0),
     seed=1,
 )
 

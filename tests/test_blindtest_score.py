@@ -114,7 +114,7 @@ def test_right_or_wrong(label: str, given: dict[str, Any], right: bool, tied: bo
 
 def apart(label: str, verdict: str, *named: str) -> Row:
     """Of a rig whose own law is named saturation by some."""
-    told = {"also": ("saturation",), "base": 0.1, "misfit": 0.05, "rig": "damper"}
+    told: dict[str, Any] = {"also": ("saturation",), "base": 0.1, "misfit": 0.05, "rig": "damper"}
     return replace(judged(label, answer(verdict, *named), **told), after=0.11)
 
 

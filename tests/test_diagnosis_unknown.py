@@ -165,7 +165,7 @@ def test_the_stage_of_a_fault_of_a_frames_damper(name: str, between: tuple[int, 
             "force_N": fault(x, u) + NOISE * rng.standard_normal(len(x)),
         }
         records.append(Record(f"{k}", None, DT, channels))
-    frame = ShearFrame([500.0], [4e5], [800.0], between)
+    frame = ShearFrame(np.array([500.0]), np.array([4e5]), np.array([800.0]), between)
     case = Case("a", Path(), Model("bingham", LAW, rig="frame", structure=frame), tuple(records), ())
     block = Block("damper", None, 0.2, 0.01, np.full(DRAWS, 0.04))
     clean, storey = replace(block, gap=0.01), Block("storey", 1, 0.2, 0.01, np.full(DRAWS, 0.04))
