@@ -12,7 +12,7 @@ import pytest
 
 from modules import ROOT, loaded
 from mrdamp.errors import InputError
-from studies.blindtest import misfit_score, report, run, score, seal
+from studies.blindtest import report, run, score, seal
 from studies.blindtest.__main__ import main
 from studies.blindtest.score import Row, Share
 from studies.blindtest.sizing import OWN, Task
@@ -211,32 +211,6 @@ def test_calibration_error_of_exact_probabilities() -> None:
     assert all(np.isnan(error(np.nan)))
 
 
-def test_figures_by_base_misfit(tmp_path: Path) -> None:
-    found = [
-        replace(apart("driver_lag", "effect", "driver_lag"), baseline=True),
-        replace(apart("driver_lag", "unknown"), misfit=0.1, after=0.3, weak=True),
-        replace(apart(OWN, "effect", "backlash"), misfit=0.1),
-        replace(apart(OWN, "none"), rig="frame"),
-    ]
-    table = {
-        line[0]: line[1:6] for line in misfit_score.table(found)
-    }  # all, baseline, without, below 6 %, above
-    assert table["single effects named"] == [
-        "1/2 = 0.500",
-        "1/1 = 1.000",
-        "0/1 = 0.000",
-        "1/1 = 1.000",
-        "0/1 = 0.000",
-    ]
-    assert table["controls without an invented cause"][3:] == ["1/1 = 1.000", "0/1 = 0.000"]
-    assert table["left over base, median"][0] == "1.100"
-    assert table["left over base, worst"][3:] == ["1.100", "3.000"]
-    assert table["worse than nominal"][3:] == ["0/2", "1/2"]
-    report.write(tmp_path, found, "0" * 64, {})
-    assert "base below 6 %" in (tmp_path / "index.html").read_text()
-    assert "no false cause 0.50" in (tmp_path / "results.md").read_text()
-
-
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs the folder ../shared/cases")
 def test_definitions_are_the_shared_scorer_s() -> None:
     shared = loaded(SHARED / "score.py")
@@ -268,12 +242,6 @@ def test_diagnosis_that_fails_or_is_late_is_a_row(seconds: float, verdict: str, 
     row = run.judge("case", LABELS["case_001"], tmp_path / "answer", tmp_path / "none.npz")
     assert (row.verdict, row.right) == (verdict, False)
     assert row.seconds < 20
-
-
-@pytest.mark.parametrize("bad", ["--cases 0", "--seed -1", "--jobs 0"])
-def test_bad_arguments(bad: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([str(tmp_path / "out"), *bad.split()]) == 2
-    assert bad.split()[0] in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -247,17 +247,7 @@ def test_the_command_writes_shares_and_paths(tmp_path: Path, capsys: pytest.Capt
         f"{float(t)!r},{float(a)!r}\n" for t, a in zip(MOTION.time, MOTION.acceleration, strict=True)
     )
     file.write_text(f"time_s,acceleration_m_s2\n{rows}")
-    given = [
-        "frame",
-        "--motions",
-        file,
-        "--controllers",
-        "passive-on",
-        "passive-off",
-        "--bound",
-        "--jobs",
-        "1",
-    ]
+    given = ["frame", "--motions", file, "--controllers", "passive-on", "passive-off", "--bound", "--jobs", 1]
     assert run("compare", *given, "-o", tmp_path / "out") == 0
     text = capsys.readouterr().out
     assert "way to clairvoyant-drift" in text

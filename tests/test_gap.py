@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import html
 import json
 import pickle
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -22,21 +20,19 @@ from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.errors import InputError
 from mrdamp.gap import measured
 from mrdamp.gap.learned import Learning, straightened
-from mrdamp.gap.scenario import CRITERIA, Scenario, nominal_frame
+from mrdamp.gap.scenario import Scenario, nominal_frame
 from mrdamp.model import Effect, Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.stepping import run_frame
-from mrdamp.structures import ShearFrame
 from refusals import refuses
 from studies.blindtest.commissioning import MISFIT
 from studies.blindtest.rig import RATE_HZ
 from studies.gap import real
-from studies.gap.__main__ import main
 from studies.gap.closed_loop import write_case
 from studies.gap.other_law import OtherLaw, other_law
-from studies.gap.page import gap_rows, page, score_rows, ways
+from studies.gap.page import page
 from studies.gap.real import LOG_HZ, NONE, RealFrame
-from studies.gap.study import Options, Row, Study, study
+from studies.gap.study import Options, study
 
 
 class Switching:
@@ -143,52 +139,6 @@ def test_a_controller_is_made_for_the_structure_with_its_effects() -> None:
     np.testing.assert_allclose(structure.mass, [98.3, 98.3, 108.3])
 
 
-def row(cause: str, named: tuple[str, ...], **more: float) -> Row:
-    errors = dict.fromkeys(CRITERIA, (0.2, 0.05))
-    return Row(cause, "effect", named, 0.2, 0.05, 0.6, errors, (0.7, 0.8), **more)
-
-
-def test_a_page_says_what_was_named_and_closed_and_the_law(tmp_path: Path) -> None:
-    scores = {"retuned": 0.52, "randomised": 0.53, "blind": 0.61, "direct": 0.51}
-    rows = (
-        row("driver_lag", ("driver_lag",), **scores),
-        replace(row("saturation", ("remanence",)), interval=None),
-        replace(row(real.NONE, ()), verdict="none"),
-    )
-    found = Study("clipped-optimal", 0.5, 0.004, rows, "bingham", 0.11)
-    assert found.rows[0].closed == pytest.approx(0.75)
-    assert gap_rows(found)[0][1:] == ("driver_lag", "20.0 %", "5.0 %", "75 %", "70 to 80 %")
-    assert gap_rows(found)[1][-1] == "one motion: none"
-    assert score_rows(found) == [
-        ("driver_lag", 0.6, 0.61, 0.52, 0.53, 0.51)
-    ]  # one that is not tuned has none
-    learned = Study("learned", 0.5, 0.004, (row("driver_lag", ("driver_lag",), retuned=0.52),))
-    assert [name for name, _ in ways(learned)] == ["real", "retuned"]
-    page(found).write(tmp_path / "index.html")
-    text = html.unescape((tmp_path / "index.html").read_text())
-    assert "named it on 1 of 2" in text
-    assert "no cause was named" in text
-    assert (
-        "another law than the simulator's (bingham), which leaves 11\N{NO-BREAK SPACE}% of its force" in text
-    )
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"effects": ("rust",)}, "rust"),
-        ({"effects": (real.NONE,)}, "none"),  # but beside another law
-        ({"loads": 0}, "loads"),
-        ({"controller": "magic"}, "magic"),
-        ({"controller": "learned:steps=3"}, "option 'steps'"),
-        ({"controller": "learned:timesteps=1e6"}, "timesteps is '1e6'"),
-        ({"controller": "learned:timesteps=0"}, "> 0"),
-    ],
-)
-def test_wrong_options_are_told(options: dict[str, object], said: str) -> None:
-    refuses(lambda: Options(**options), said)  # type: ignore[arg-type]
-
-
 def test_a_policy_is_trained_on_a_structure_with_its_masses_and_stiffnesses() -> None:
     """What else is wrong stays an effect."""
     nominal = nominal_frame()
@@ -228,30 +178,12 @@ def test_a_learned_controller_is_trained_in_the_simulator_that_it_is_given(tmp_p
     assert len(json.loads((folder / "training" / "options.json").read_text())["options"]["others"]) == 1
 
 
-def test_finished_real_frames_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[str] = []
-
-    def once(scenario: object, setup: object, options: object, cause: str, *rest: object) -> Row:
-        made.append(cause)
-        return row(cause, (cause,), retuned=0.5)
-
-    monkeypatch.setattr(
-        sys.modules["studies.gap.study"], "_row", once
-    )  # the package calls its function so too
-    monkeypatch.setattr(Scenario, "tune", lambda scenario, plants, site, progress=None: Constant(1.0))
-    options = Options(effects=("driver_lag", "saturation"), loads=1, draws=1)
-    first = study(options, tmp_path)
-    assert made == ["driver_lag", "saturation"]
-    assert 0 < first.alike < 0.02  # the rig without an effect is the simulator
-    assert study(options, tmp_path) == first
-    assert len(made) == 2
-    study(Options(effects=("saturation",), loads=1, draws=2), tmp_path)
-    assert made[2:] == ["saturation"]
-
-
 @pytest.mark.slow
 def test_a_softer_storey_is_found_in_closed_loop_and_most_of_the_gap_closes(tmp_path: Path) -> None:
-    found = study(Options(effects=("storey_stiffness@1",), loads=1, draws=1), tmp_path).rows[0]
+    done = study(Options(effects=("storey_stiffness@1",), loads=1, draws=1), tmp_path)
+    page(done).write(tmp_path / "index.html")
+    assert "named it on 1 of 1" in (tmp_path / "index.html").read_text()
+    (found,) = done.rows
     assert found.named == ("storey_stiffness@1",)
     assert found.nominal > 0.03
     assert found.closed > 0.7
@@ -309,18 +241,6 @@ def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
     assert Model.read(tmp_path / "corrected.json").effects == softer[0].effects
 
 
-def test_frames_that_a_gap_study_cannot_take(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    nominal, ones = nominal_frame(), np.ones(2)
-    small = replace(nominal, structure=ShearFrame(ones, ones, ones, (0, 1)), name="small")
-    small.write(tmp_path / "small.json")
-    assert main(["--model", str(tmp_path / "small.json"), "-o", str(tmp_path / "out")]) != 0
-    assert "three storeys" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-    case = SimpleNamespace(name="bench", model=replace(nominal, rig="damper", structure=None), records=())
-    with pytest.raises(InputError, match="damper"):
-        measured.of_case(Options(), case, tmp_path)  # type: ignore[arg-type]
-
-
 SEED = 4
 
 
@@ -366,3 +286,24 @@ def test_the_case_has_the_frame_without_the_effect_as_its_baseline(tmp_path: Pat
     assert [r.name for r in case.baseline] == ["baseline_1", "baseline_2"]
     own, baseline = (r.channel("floor1_displacement_m") for r in (case.records[0], case.baseline[0]))
     assert np.sqrt(np.mean(own**2)) > 1.1 * np.sqrt(np.mean(baseline**2))
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"effects": (NONE,)}, "none"),  # but beside another law
+        ({"loads": 0}, "loads"),
+        ({"controller": "magic"}, "magic"),
+        ({"controller": "learned:steps=3"}, "option 'steps'"),
+        ({"controller": "learned:timesteps=1e6"}, "timesteps is '1e6'"),
+        ({"controller": "learned:timesteps=0"}, "> 0"),
+    ],
+)
+def test_wrong_options_are_told(options: dict[str, object], said: str) -> None:
+    refuses(lambda: Options(**options), said)  # type: ignore[arg-type]
+
+
+def test_a_damper_alone_is_no_frame_to_control(tmp_path: Path) -> None:
+    model = replace(nominal_frame(), rig="damper", structure=None)
+    case = SimpleNamespace(name="bench", model=model, records=())
+    refuses(lambda: measured.of_case(Options(), case, tmp_path), "damper")  # type: ignore[arg-type]
