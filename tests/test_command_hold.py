@@ -165,7 +165,14 @@ def written(folder: Path, **keys: object) -> Path:
     r = noisy(clean("jumping", 1, "held"), 1)
     r.save(folder / "a.csv")
     nominal, channels = believed().to_dict()["model"], [n for n in r.channels if n != "time_s"]
-    data = {"name": "x", "format": 1, "rig": "frame", "nominal": nominal, "channels": channels, "records": ["a.csv"]}
+    data = {
+        "name": "x",
+        "format": 1,
+        "rig": "frame",
+        "nominal": nominal,
+        "channels": channels,
+        "records": ["a.csv"],
+    }
     (folder / "case.json").write_text(json.dumps(data | keys))
     return folder
 

@@ -94,7 +94,9 @@ def test_nothing_is_foretold_where_numbers_moved_far(
     moved = search.fitted(search.base.hypothesis, np.array([by / 0.1]), most=0, stage=f" {by}")
     simulated.clear()
     screening.screen(search, moved, search.problem.rig.terms)
-    every = (len(search.problem.rig.terms) + 1) * len(search.problem.records)  # the fit's own and every term's
+    every = (len(search.problem.rig.terms) + 1) * len(
+        search.problem.records
+    )  # the fit's own and every term's
     assert sum(simulated) == (0 if foretold else every)
 
 
