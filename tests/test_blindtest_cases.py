@@ -6,8 +6,8 @@ import json
 import subprocess
 import sys
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,224 +16,222 @@ from modules import ROOT, STUDIES
 from mrdamp.model import Model, core, damper_effects
 from mrdamp.records import read_record
 from studies.blindtest import (
-    bench,
     case_sampling,
     causes,
+    commissioning,
     damper_case,
-    dampers,
-    excitation,
-    frame_case,
     frame_causes,
-    recorder,
+    misfit_case,
+    run,
+    score,
     unknown,
 )
-from studies.blindtest.bench import Truth
 from studies.blindtest.make import main, make_one
 from studies.blindtest.rig import Array, BlownUp
-from studies.blindtest.scale import Scale
-from studies.blindtest.sizing import Faint, Task, goal, must_show, relative, size_for
+from studies.blindtest.sizing import OWN, Faint, Task, goal, must_show, relative, size_for
 
-SCALE = Scale(force=500.0, power=40.0, stroke=0.005, acceleration=1.0, command=1.0)
+SHARED = ROOT.parent / "shared" / "cases" / "score.py"
+Made = tuple[Path, Path, dict[str, Any]]
 
 
-def made(task: Task, folder: Path, seed: int) -> tuple[Path, dict[str, dict[str, Array]], dict[str, object]]:
-    """Case folder, tests by name and channel, label."""
-    maker = damper_case.make if task.rig == "damper" else frame_case.make
-    label = maker(task, folder / "case", folder / "tests.npz", np.random.SeedSequence(seed))
-    arrays, tests = np.load(folder / "tests.npz"), dict[str, dict[str, Array]]()
+def made(folder: Path, rig: str, label: str, seed: int, *, misfit: bool = False) -> Made:
+    """Case folder, file of its tests, label."""
+    task = Task("case_001", rig, label, misfit=misfit)
+    told = make_one(task, folder / "cases", folder / "tests", np.random.SeedSequence(seed))
+    return folder / "cases" / "case_001", folder / "tests" / "case_001.npz", told
+
+
+def each_test(path: Path) -> list[dict[str, Array]]:
+    arrays, tests = np.load(path), dict[str, dict[str, Array]]()
     for key in arrays.files:
         test, channel = key.split("/")
         tests.setdefault(test, {})[channel] = arrays[key].astype(float)
-    return folder / "case", tests, label
+    return list(tests.values())
 
 
-# --- one case ---------------------------------------------------------------------------------
+# --- one case of the simulator's law -------------------------------------------------------------------
 @pytest.mark.slow
 def test_damper_case_without_a_gap(tmp_path: Path) -> None:
-    case, tests, label = made(Task("x", "damper", "none"), tmp_path, 3)
+    case, tests, label = made(tmp_path, "damper", "none", 3)
     model, told = Model.read(case), json.loads((case / "case.json").read_text())
     assert label["gap"] == pytest.approx(0.0, abs=1e-6)
-    assert told["rig"] == "damper"
     assert told["records"] == sorted(path.name for path in case.glob("*.csv.gz"))
-    for channels in tests.values():  # the plugin agrees with the rig
-        force = model.simulate(0.002, channels)["force_N"]
-        assert relative(force, channels["nominal_N"]) < 0.01
+    for channels in each_test(tests):  # the plugin agrees with the rig
+        assert relative(model.simulate(0.002, channels)["force_N"], channels["nominal_N"]) < 0.01
         assert relative(channels["nominal_N"], channels["force_N"]) < 1e-6
-    level = label["noise"]
-    assert isinstance(level, float)
-    for name in told["records"]:
-        record = read_record(case / name)
-        assert list(record.channels) == told["channels"]
-        assert record.sample_time == pytest.approx(0.002)
-    again = read_record(case / told["records"][-1])
-    first = read_record(case / next(name for name in told["records"] if "sine_random" in name))
+    first, again = (
+        read_record(case / next(name for name in reversed(told["records"]) if kind in name))
+        for kind in ("sine_random", "repeat")
+    )
+    assert list(first.channels) == told["channels"]
     assert again.command == pytest.approx(first.command)
     difference = again.channel("force_N") - first.channel("force_N")
     size = float(np.sqrt(np.mean(first.channel("force_N") ** 2)))
-    assert np.std(difference) / np.sqrt(2) / size == pytest.approx(level, rel=0.6)
-
-
-@pytest.mark.slow
-def test_effect_opens_a_gap(tmp_path: Path) -> None:
-    _, tests, label = made(Task("x", "damper", "seal_friction"), tmp_path, 7)
-    assert label["stages"] == ["mechanics"]
-    assert 0.02 < float(str(label["gap"])) < 0.6
-    found = [relative(c["nominal_N"], c["force_N"]) for c in tests.values()]
-    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(label["gap"], rel=1e-3)
+    assert np.std(difference) / np.sqrt(2) / size == pytest.approx(label["noise"], rel=0.6)
 
 
 @pytest.mark.slow
 def test_frame_case(tmp_path: Path) -> None:
-    case, tests, label = made(Task("x", "frame", "storey_stiffness@2"), tmp_path, 2)
+    case, tests, label = made(tmp_path, "frame", "storey_stiffness@2", 2)
     model = Model.read(case)
-    assert model.structure is not None
     assert label["stages"] == ["structure"]
-    assert 0.02 < float(str(label["gap"])) < 0.8
-    for channels in tests.values():
+    assert 0.02 < label["gap"] < 0.8
+    for channels in each_test(tests):
         inputs = {name: channels[name] for name in ("ground_acceleration_m_s2", "command")}
         simulated = model.simulate(0.002, inputs)
         for floor in (1, 2, 3):
             nominal = channels[f"nominal_floor{floor}_acceleration"]
             assert relative(simulated[f"floor{floor}_acceleration_m_s2"], nominal) < 0.05
-            truth = channels[f"floor{floor}_acceleration_m_s2"]
-            assert relative(nominal, truth) > 0.01
+            assert relative(nominal, channels[f"floor{floor}_acceleration_m_s2"]) > 0.01
     told = json.loads((case / "case.json").read_text())
-    assert [name.split("_", 1)[1].split(".")[0] for name in told["records"]][-1] == "repeat"
     ground = [read_record(case / name).channel("ground_acceleration_m_s2") for name in told["records"][-2:]]
     assert np.array_equal(ground[0], ground[1])
 
 
 @pytest.mark.slow
 def test_wrong_numbers_are_wrong_and_the_form_is_right(tmp_path: Path) -> None:
-    case, tests, label = made(Task("x", "damper", "parameters"), tmp_path, 5)
-    nominal_parameters = Model.read(case)
-    true = label["true_parameters"]
-    assert isinstance(true, dict)
-    wrong = [name for name, value in true.items() if nominal_parameters.parameters[name] != value]
+    case, tests, label = made(tmp_path, "damper", "parameters", 5)
+    nominal, true = Model.read(case), label["true_parameters"]
+    wrong = [name for name, value in true.items() if nominal.parameters[name] != value]
     assert 3 <= len(wrong) < len(true)
-    law = nominal_parameters.law
-    for channels in tests.values():
-        for parameters, low, high in ((nominal_parameters.parameters, 0.02, 1.0), (true, 0.0, 0.01)):
+    for channels in each_test(tests):
+        for parameters, low, high in ((nominal.parameters, 0.02, 1.0), (true, 0.0, 0.01)):
             # The rig begins every motion at rest: no run-in.
             x, u = channels["displacement_m"], channels["command"]
-            force = core.run(law, parameters, 0.002, x, u=u)["force"]
+            force = core.run(nominal.law, parameters, 0.002, x, u=u)["force"]
             assert low < relative(force, channels["force_N"]) < high
 
 
 @pytest.mark.slow
-def test_command_line_and_jobs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    def run(out: Path, jobs: str) -> bytes:
-        only = ["--rig", "frame", "--only", "none"]
-        assert main([str(out), "--seed", "3", "--count", "2", "--jobs", jobs, *only]) == 0
-        return b"".join(path.read_bytes() for path in sorted(out.rglob("*.csv.gz")))
-
-    assert run(tmp_path / "one", "1") == run(tmp_path / "two", "2")
-    assert json.loads((tmp_path / "one" / "labels.json").read_text()).keys() == {"case_001", "case_002"}
+def test_command_makes_a_case_and_does_not_tell_its_cause(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([str(tmp_path), "--seed", "3", "--count", "1", "--rig", "damper", "--only", "none"]) == 0
+    assert json.loads((tmp_path / "labels.json").read_text())["case_001"]["label"] == "none"
     said = capsys.readouterr().out
-    assert "case_002: gap" in said
-    assert "none" not in said  # the answer is in labels.json alone
+    assert "case_001: gap" in said
+    assert "none" not in said
+
+
+# --- one case of another law ----------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def gained(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(misfit_case, "BASELINE", 1.0)  # every case has records of the rig before the cause
+        return made(tmp_path_factory.mktemp("gained"), "damper", "sensor_gain", 1, misfit=True)
+
+
+@pytest.fixture(scope="module")
+def control(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    return made(tmp_path_factory.mktemp("control"), "damper", OWN, 2, misfit=True)
+
+
+@pytest.fixture(scope="module")
+def framed(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    return made(tmp_path_factory.mktemp("framed"), "frame", "floor_mass@2", 3, misfit=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["gained", "control", "framed"])
+def test_simulator_leaves_three_to_fifteen_percent(name: str, request: pytest.FixtureRequest) -> None:
+    """Without the cause; what the label calls its base is the same in the shared scorer's terms."""
+    case, tests, label = request.getfixturevalue(name)
+    counted = len(each_test(tests)) * (3 if label["rig"] == "frame" else 1)
+    assert commissioning.MISFIT[0] <= label["misfit"] <= commissioning.MISFIT[1]
+    assert label["base"] == pytest.approx(label["misfit"] * np.sqrt(counted), rel=1e-9)
+    model = Model.read(case)
+    before, after = score.gaps(tests, lambda inputs: run.predicted(model, inputs))
+    assert [after, label["gap"]] == pytest.approx([before, before], rel=1e-3)  # the nominal simulator's
+    assert label["gap"] == label["base"] if name == "control" else label["gap"] > 1.05 * label["base"]
+
+
+@pytest.mark.slow
+def test_effect_is_in_the_records_and_not_in_the_baseline(gained: Made) -> None:
+    """A gain of one force channel: its ratio to the load cell of the same record."""
+    case, _, label = gained
+    told = json.loads((case / "case.json").read_text())
+    assert {path.name for path in case.glob("*.csv.gz")} == {*told["baseline"], *told["records"]}
+    wanted = label["size"]["sensor.gain"]
+    assert abs(wanted) > 0.02
+    for name in (*told["baseline"], *told["records"]):
+        record = read_record(case / name)
+        own, cell = (record.channel(c)[100:] for c in ("force_N", "reference_force_N"))
+        gain = float(own @ cell / (cell @ cell)) - 1
+        assert gain == pytest.approx(0.0 if name in told["baseline"] else wanted, rel=0.2, abs=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not SHARED.is_file(), reason=f"{SHARED} is not there")
+def test_shared_scorer_takes_the_layout(gained: Made, control: Made, tmp_path: Path) -> None:
+    """Labels, cases and tests; a command that hands the nominal simulator back is right on the control alone."""
+    fake = tmp_path / "fake.py"
+    fake.write_text(
+        "import json, pathlib, subprocess, sys\n"
+        "if sys.argv[1] == 'diagnose':\n"
+        "    out = pathlib.Path(sys.argv[4])\n"
+        "    (out / 'corrected.json').write_text((pathlib.Path(sys.argv[2]) / 'case.json').read_text())\n"
+        "    (out / 'diagnosis.json').write_text(json.dumps({'verdict': 'unknown', 'effects': []}))\n"
+        "else:\n"
+        "    sys.exit(subprocess.call([sys.executable, '-m', 'mrdamp.cli', *sys.argv[1:]]))\n"
+    )
+    for part in ("tests", "cases"):
+        (tmp_path / part).mkdir()
+    for name, (case, tests, _) in {"gain": gained, "own": control}.items():
+        (tmp_path / "cases" / name).symlink_to(case)
+        (tmp_path / "tests" / f"{name}.npz").symlink_to(tests)
+    (tmp_path / "labels.json").write_text(json.dumps({"gain": gained[2], "own": control[2]}))
+    folders = [str(tmp_path / part) for part in ("cases", "labels.json", "tests", "out")]
+    said = subprocess.run(
+        [sys.executable, str(SHARED), *folders, "--command", f"{sys.executable} {fake}"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    lines = {line.split()[1]: line for line in said.splitlines() if line[:2] in ("ok", "NO")}
+    assert (lines["own"][:2], lines["gain"][:2]) == ("ok", "NO")
+    worst = max(gained[2]["gap"] / gained[2]["base"], 1.0)
+    assert f"worst {worst:.2f}; worse than nominal 0/2" in said
 
 
 # --- what there is to draw ----------------------------------------------------------------------
 def test_every_effect_of_the_catalogue_is_there() -> None:
-    structure = {"storey_stiffness", "storey_damping", "joint_friction", "floor_mass"}
     assert set(causes.EFFECTS) <= set(damper_effects())
+    structure = {"storey_stiffness", "storey_damping", "joint_friction", "floor_mass"}
     assert structure < set(frame_causes.PLACED)
     assert all(len(forms) >= 2 for _, forms in causes.EFFECTS.values())
     assert not {f"~{name}" for name in unknown.DAMPER} & set(causes.EFFECTS)
 
 
-def test_every_cause_grows_from_nothing() -> None:
-    """Numbers of the rig exist, and the size moves at least one of them."""
-    rng = np.random.default_rng(0)
-    forms = [form for _, drawn in causes.EFFECTS.values() for form in drawn]
-    for form in [*forms, *(form for _, form in unknown.DAMPER.values())]:
-        sized = form(rng, SCALE)
-        small, large = sized(0.01), sized(1.0)
-        assert small.keys() == large.keys()
-        assert any(small[name] != large[name] for name in small)
-        Truth({"law": 0.0}).having(large)
-
-
 def test_sampling_of_cases() -> None:
+    """A quarter frames; every effect of the catalogue; pairs of different stages; both groups of unknown causes."""
     tasks = case_sampling.draw(np.random.SeedSequence(4), 200)
     assert len({task.name for task in tasks}) == len(tasks) == 200
     assert Counter(task.rig for task in tasks) == {"damper": 150, "frame": 50}
     labels = Counter(part for task in tasks if task.rig == "damper" for part in task.parts)
-    assert set(causes.EFFECTS) <= set(labels)
     assert min(labels[name] for name in causes.EFFECTS) >= 4
-    pairs = [task for task in tasks if len(task.parts) == 2]
+    pairs = [task.parts for task in tasks if len(task.parts) == 2]
     assert len(pairs) == 32
+    assert all(
+        causes.EFFECTS[a][0] != causes.EFFECTS[b][0] for a, b in pairs if {a, b} <= causes.EFFECTS.keys()
+    )
     assert {task.label for task in tasks if not task.parts} == {"none", "parameters"}
-    outside = [task for task in tasks if task.outside]
-    assert len(outside) == 21
     for rig, groups in (("damper", unknown.GROUPS), ("frame", frame_causes.GROUPS)):
-        drawn = [task.label.removeprefix("~") for task in outside if task.rig == rig]
+        drawn = [task.label.removeprefix("~") for task in tasks if task.outside and task.rig == rig]
         first, second = (sum(name in group for name in drawn) for group in groups)
         assert first + second == len(drawn)
         assert abs(first - second) <= 1
-    assert any(task.weak for task in tasks)
     assert case_sampling.draw(np.random.SeedSequence(4), 200) == tasks
     assert case_sampling.draw(np.random.SeedSequence(5), 200) != tasks
 
 
-def test_pairs_are_of_different_stages() -> None:
-    tasks = case_sampling.draw(np.random.SeedSequence(1), 600, "damper")
-    for task in tasks:
-        if len(task.parts) == 2:
-            first, second = (causes.EFFECTS[part][0] for part in task.parts)
-            assert first != second
-
-
-def test_size_is_found() -> None:
+# --- causes that show -------------------------------------------------------------------------------
+def test_size_is_found_for_a_goal() -> None:
     assert 0.4 * size_for(lambda s: 0.4 * s, 0.05) == pytest.approx(0.05, rel=0.16)
     assert 3 * size_for(lambda s: 3 * s**0.5, 0.2) ** 0.5 == pytest.approx(0.2, rel=0.16)
     assert size_for(lambda s: 0.01 * s, 0.2) == 1.0
     rng = np.random.default_rng(0)
     assert all(0.015 <= goal(rng, weak=True, noise=0.01) <= 0.03 for _ in range(50))
     assert all(0.05 <= goal(rng, weak=False, noise=0.01) <= 0.3 for _ in range(50))
-
-
-# --- causes that show -------------------------------------------------------------------------------
-def test_cause_must_show_beyond_the_noise() -> None:
-    must_show({"heating": 0.0151, "asymmetry": 0.3}, 0.01)
-    with pytest.raises(Faint, match="heating: opens a gap"):
-        must_show({"heating": 0.0149, "asymmetry": 0.3}, 0.01)
-
-
-def test_share_of_a_cause_in_company() -> None:
-    """Two factors of the force: without one of them the error loses what that one adds to the other."""
-    rng = np.random.default_rng(3)
-    device = dampers.draw(rng)
-    plain = Truth(device.numbers)
-    test = next(t for t in excitation.damper_tests(rng, device.machine, long=False) if t.kind == "random")
-    parts = {"sensor_gain": {"sensor.gain": 0.25}, "nothing": {"sat_form": 1.0, "sat_level": 1e9}}
-    shares = damper_case.gaps_of_causes(plain, parts, [test])
-    assert shares == pytest.approx({"sensor_gain": 0.25 / 1.25, "nothing": 0.0}, abs=1e-4)
-    alone = damper_case.gaps_of_causes(plain, {"sensor_gain": {"sensor.gain": 0.25}}, [test])
-    assert alone["sensor_gain"] == pytest.approx(0.2, abs=1e-4)
-    late = damper_case.gaps_of_causes(plain, {"channel_shift": {"reading.shift": 0.01}}, [test])
-    assert late["channel_shift"] > 0.01
-
-
-def test_dropouts_that_hit_no_command_do_not_show() -> None:
-    rng = np.random.default_rng(4)
-    device = dampers.draw(rng, frame=True)
-    storey = {"mass": 100.0, "stiffness": 4e5, "damping": 50.0}
-    plain = Truth(device.numbers, {}, False, [storey] * 3)
-    tests = excitation.frame_tests(rng, device.machine.command)
-    parts = {"dropouts": {"command.dropouts": 1.0}}
-    off, on = (next(t for t in tests if t.kind == kind) for kind in ("quake_off", "quake_on"))
-    assert frame_case.gaps_of_causes(plain, parts, [off])["dropouts"] == pytest.approx(0.0, abs=1e-9)
-    hit = next(
-        replace(on, seed=k)
-        for k in range(20)
-        if (
-            bench.driven(plain.having(parts["dropouts"]), on.fine(on.command), np.random.default_rng(k)) == 0
-        ).mean()
-        > 0.1
-    )
-    assert frame_case.gaps_of_causes(plain, parts, [hit])["dropouts"] > 0.02
 
 
 def test_faint_case_is_drawn_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -250,53 +248,25 @@ def test_faint_case_is_drawn_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     task = Task("x", "damper", "heating")
     assert make_one(task, tmp_path, tmp_path, np.random.SeedSequence(1)) == {"label": "heating"}
     assert seeds == [(), (0,), (1,)]
-    seeds.clear()
-    monkeypatch.setattr(damper_case, "make", lambda *_: must_show({"heating": 0.0}, 0.01))
-    with pytest.raises(Faint):
+    must_show({"heating": 0.0151, "asymmetry": 0.3}, 0.01)
+    monkeypatch.setattr(
+        damper_case, "make", lambda *_: must_show({"heating": 0.0149, "asymmetry": 0.3}, 0.01)
+    )
+    with pytest.raises(Faint, match="heating: opens a gap"):
         make_one(task, tmp_path, tmp_path, np.random.SeedSequence(1))
 
 
-def test_run_differs_by_its_seed_alone() -> None:
-    machine = dampers.draw(np.random.default_rng(0)).machine
-    tests = excitation.damper_tests(np.random.default_rng(1), machine, long=True)
-    assert len({test.seed for test in tests}) == len(tests)
-    assert tests[0].rng.random() == tests[0].rng.random()
-    assert excitation.again(tests[0]).rng.random() != tests[0].rng.random()
-    held_out = excitation.held_out_damper_tests(np.random.default_rng(1), machine, long=True)
-    assert [test.duration for test in held_out.values()] == [10, 8, 8, 24]
-
-
-def test_noise_is_as_stated() -> None:
-    rng = np.random.default_rng(0)
-    written = recorder.Noise(2.0, 0.9).onto(np.zeros(40_000), rng)
-    assert np.std(written) == pytest.approx(2.0, rel=0.05)
-    assert np.corrcoef(written[1:], written[:-1])[0, 1] == pytest.approx(0.9, abs=0.02)
-    stepped = recorder.Noise(0.0, step=0.5).onto(np.array([0.2, 0.3, 1.1]), rng)
-    assert list(stepped) == [0.0, 0.5, 1.0]
-
-
 # --- apart -------------------------------------------------------------------------------------------
-def fresh(code: str) -> str:
-    return subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-
-
 def test_rig_shares_no_code_with_the_plugin() -> None:
     names = sorted(path.stem for path in (STUDIES / "blindtest").glob("*_forms.py"))
-    assert len(names) == 4
     names += "rig bench causes unknown frame_causes damper_case frame_case dampers case_sampling recorder make".split()
     imports = "; ".join(f"import studies.blindtest.{name}" for name in names)
-    loaded = fresh(
-        f"import sys; {imports}; print(*(m for m in sys.modules if m.startswith('mrdamp.')))"
-    ).split()
-    allowed = tuple(
-        f"mrdamp.{name}"
-        for name in (
-            *("sets", "errors", "files", "interrupts", "library", "registration"),
-        )
-    )
-    assert [m for m in loaded if not m.startswith(allowed)] == []
+    code = f"import sys; {imports}; print(*(m for m in sys.modules if m.startswith('mrdamp.')))"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+    allowed = ("sets", "errors", "files", "interrupts", "library", "registration")
+    assert [m for m in loaded.split() if not m.startswith(tuple(f"mrdamp.{name}" for name in allowed))] == []
     source = (STUDIES / "blindtest" / "rig.c").read_text()
-    assert {line for line in source.splitlines() if line.startswith("#include")} == {
-        "#include <math.h>",
-        "#include <string.h>",
-    }
+    included = {line for line in source.splitlines() if line.startswith("#include")}
+    assert included == {"#include <math.h>", "#include <string.h>"}

@@ -58,37 +58,26 @@ def objective(drift: float, acceleration: float) -> Peaks:
     return Peaks(np.array([drift, acceleration]), scale, np.repeat([0, 1], 3))
 
 
-def test_slopes_are_those_of_whole_runs() -> None:
-    """What the adjoint says of a command is what the chain does when that command is changed."""
+@pytest.mark.parametrize("level", [None, 0.0, LARGEST])
+def test_slopes_are_those_of_whole_runs(level: float | None) -> None:
+    """What the adjoint says of a command is what the chain does when that command is changed; under a constant one
+    the driver's states carry it beyond its period."""
     rolled = rollouts()
-    rng = np.random.default_rng(0)
-    u = rng.uniform(0.2, 0.8, rolled.periods) * LARGEST
+    u = np.random.default_rng(0).uniform(0.2, 0.8, rolled.periods) * LARGEST
+    if level is not None:
+        u[:] = level
     y, states = rolled.run(u[None], states=True)
-    period, channel = np.array([300, 450, 450, 600]), np.array([0, 2, 4, 5])
-    at = np.arange(600)
-    g = sensitivity(rolled.slopes(y[0], states[0], u, at), at, period, channel, 600)
-    for k in (40, 250, 299, 440, 449, 595):
+    period, channel = np.array([320, 330, 450, 450]), np.array([3, 4, 0, 2])
+    at = np.arange(460)
+    g = sensitivity(rolled.slopes(y[0], states[0], u, at), at, period, channel, 460)
+    step = -1e-4 if level == LARGEST else 1e-4
+    for k in (40, 250, 300, 312, 318, 440, 449):
         nudged = np.stack([u, u])
-        nudged[:, k] += [1e-4, -1e-4]
+        nudged[0, k] += step
         runs, _ = rolled.run(nudged)
-        found = (runs[0] - runs[1])[period, channel] / 2e-4
-        for i in range(len(period)):
-            size = np.abs(g[i]).max()
-            assert g[i, k] == pytest.approx(found[i], abs=5e-3 * size), (k, i)
-            assert k < period[i] or g[i, k] == 0.0
-
-
-def test_a_horizon_leaves_earlier_commands_alone() -> None:
-    rolled = rollouts()
-    u = np.full(rolled.periods, 0.5 * LARGEST)
-    y, states = rolled.run(u[None], states=True)
-    at, period, channel = np.arange(500), np.array([200, 500]), np.array([0, 3])
-    slopes = rolled.slopes(y[0], states[0], u, at)
-    far, near = (sensitivity(slopes, at, period, channel, horizon) for horizon in (500, 50))
-    for i, k in enumerate(period):
-        np.testing.assert_array_equal(near[i, : k - 50], 0.0)
-        np.testing.assert_allclose(near[i, k - 50 : k], far[i, k - 50 : k], rtol=1e-9)
-        assert np.abs(far[i, : k - 50]).max() > 0
+        found = (runs[0] - runs[1])[period, channel] / step
+        assert (np.abs(g[:, k] - found) < 5e-3 * np.abs(g).max(axis=1)).all(), k
+        assert (g[k >= period, k] == 0.0).all()
 
 
 @pytest.mark.parametrize(("drift", "acceleration"), [(0.5, 0.5), (1.0, 0.0), (0.0, 1.0)])
@@ -109,13 +98,6 @@ def test_a_search_is_better_than_its_starts_and_than_brute_force(drift: float, a
     guessed = np.repeat(levels, -(-rolled.periods // 16), axis=1)[:, : rolled.periods]
     best = min(float(peaks.value(rolled.run(part)[0]).min()) for part in np.split(guessed, 4))
     assert paths[0].value < best
-
-
-def test_a_search_finds_the_same_from_its_own_end() -> None:
-    rolled, peaks = rollouts(), objective(0.5, 0.5)
-    first = search(rolled, [("on", np.full(rolled.periods, LARGEST))], peaks)[0]
-    again = search(rolled, [("end", first.commands)], peaks, Effort(holds=(4,), most=2))[0]
-    assert first.value * 0.95 < again.value <= first.value
 
 
 @pytest.mark.slow
@@ -144,7 +126,6 @@ def bounded() -> Comparison:
     return with_bounds(BENCH, result, motions, starts=2)
 
 
-@pytest.mark.slow
 @pytest.mark.slow
 def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Comparison) -> None:
     for bound, weights in BENCH.bounds.items():
@@ -192,11 +173,8 @@ def test_a_share_counts_what_is_gained() -> None:
     assert s.high == pytest.approx(0.5)
     worse = made([0.6, 0.4], [0.7, 0.5], [0.4, 0.2])
     assert share(worse, "other", "best").mean == pytest.approx(-0.5)
-
-
-def test_nothing_left_to_reach_has_no_share() -> None:
-    result = made([0.6, 0.4], [0.5, 0.4], [0.6, 0.2])
-    assert math.isnan(by_load(result, "other", "best")[0])
+    nothing_left = made([0.6, 0.4], [0.5, 0.4], [0.6, 0.2])
+    assert math.isnan(by_load(nothing_left, "other", "best")[0])
     assert math.isnan(share(made([0.6], [0.5], [0.6]), "other", "best").mean)
 
 
@@ -269,17 +247,7 @@ def test_the_command_writes_shares_and_paths(tmp_path: Path, capsys: pytest.Capt
         f"{float(t)!r},{float(a)!r}\n" for t, a in zip(MOTION.time, MOTION.acceleration, strict=True)
     )
     file.write_text(f"time_s,acceleration_m_s2\n{rows}")
-    given = [
-        "frame",
-        "--motions",
-        file,
-        "--controllers",
-        "passive-on",
-        "passive-off",
-        "--bound",
-        "--jobs",
-        "1",
-    ]
+    given = ["frame", "--motions", file, "--controllers", "passive-on", "passive-off", "--bound", "--jobs", 1]
     assert run("compare", *given, "-o", tmp_path / "out") == 0
     text = capsys.readouterr().out
     assert "way to clairvoyant-drift" in text
@@ -316,19 +284,14 @@ def test_runs_go_on_where_a_row_stands() -> None:
     np.testing.assert_array_equal(found, np.stack([whole[0, 300:500]] * 3))
 
 
-@pytest.mark.parametrize("level", [0.0, LARGEST])
-def test_slopes_under_a_constant_command_hold_the_driver(level: float) -> None:
-    """Driver states that do not change in a run carry what a command does beyond its period."""
+def test_a_horizon_leaves_earlier_commands_alone() -> None:
     rolled = rollouts()
-    u = np.full(rolled.periods, level)
+    u = np.full(rolled.periods, 0.5 * LARGEST)
     y, states = rolled.run(u[None], states=True)
-    period, channel, at = np.array([320, 330]), np.array([3, 4]), np.arange(330)
-    g = sensitivity(rolled.slopes(y[0], states[0], u, at), at, period, channel, 330)
-    step = 1e-4 if level == 0 else -1e-4
-    for k in (300, 312, 318):
-        nudged = np.stack([u, u])
-        nudged[0, k] += step
-        runs, _ = rolled.run(nudged)
-        found = (runs[0] - runs[1])[period, channel] / step
-        np.testing.assert_allclose(g[:, k], found, atol=5e-3 * np.abs(g).max())
-        assert np.abs(found).max() > 1e-3 * np.abs(g).max()
+    at, period, channel = np.arange(500), np.array([200, 500]), np.array([0, 3])
+    slopes = rolled.slopes(y[0], states[0], u, at)
+    far, near = (sensitivity(slopes, at, period, channel, horizon) for horizon in (500, 50))
+    for i, k in enumerate(period):
+        np.testing.assert_array_equal(near[i, : k - 50], 0.0)
+        np.testing.assert_allclose(near[i, k - 50 : k], far[i, k - 50 : k], rtol=1e-9)
+        assert np.abs(far[i, : k - 50]).max() > 0

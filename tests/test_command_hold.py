@@ -130,18 +130,9 @@ def test_a_delay_beside_a_held_command_is_right() -> None:
 
 @pytest.mark.slow
 def test_identify_keeps_how_a_command_runs_between_samples() -> None:
-    train = []
-    for seed in (1, 2, 3):
-        r = clean("jumping", seed, "held")
-        channels = {n: np.asarray(r.channel(n)) for n in ("command", "force_N")}
-        train.append(
-            Record(
-                r.name,
-                None,
-                DT,
-                {"displacement_m": np.asarray(r.channel("floor1_displacement_m")), **channels},
-            )
-        )
+    taken = {"displacement_m": "floor1_displacement_m", "command": "command", "force_N": "force_N"}
+    runs = [clean("jumping", seed, "held") for seed in (1, 2, 3)]
+    train = [Record(r.name, None, DT, {n: r.channel(of) for n, of in taken.items()}) for r in runs]
     fit = identify("modified_bouc_wen", train, extras=("driver_lag",), starts=2)
     assert fit.model.hold
     assert fit.model.attributes["driver_lag_tau"] == pytest.approx(frame_reference.LAG, rel=0.03)
@@ -156,15 +147,8 @@ def test_a_held_delay_is_exact_between_steps() -> None:
     u = (k // every % 2).astype(float)
     x = np.asarray(1e-4 * k, dtype=np.float64)
     for d in (0.1e-3, 0.4e-3, 0.8e-3, 2.3e-3):
-        attributes = {
-            "c0a": 300.0,
-            "c0b": 0.0,
-            "fya": 50.0,
-            "fyb": 400.0,
-            "v_ref": 0.01,
-            "driver_lag_tau": tau,
-            "command_delay_d": d,
-        }
+        law = {"c0a": 300.0, "c0b": 0.0, "fya": 50.0, "fyb": 400.0, "v_ref": 0.01}
+        attributes = {**law, "driver_lag_tau": tau, "command_delay_d": d}
         found = core.run("bingham", attributes, dt, x, u=u, hold=True, columns=("current",))["current"]
         expected, level, target, at = np.zeros(len(k)), 0.0, 0.0, 0.0
         arrivals = [(every * dt * j + d, float(j % 2)) for j in range(len(k) // every + 1)]
@@ -179,19 +163,13 @@ def test_a_held_delay_is_exact_between_steps() -> None:
 def written(folder: Path, **keys: object) -> Path:
     folder.mkdir()
     r = noisy(clean("jumping", 1, "held"), 1)
-    names = list(r.channels)
-    lines = [
-        ",".join(names),
-        *(",".join(f"{x:.9g}" for x in row) for row in zip(*(r.channel(n) for n in names), strict=True)),
-    ]
-    (folder / "a.csv").write_text("\n".join(lines) + "\n")
-    body = believed().to_dict()["model"]
-    channels = [n for n in names if n != "time_s"]
+    r.save(folder / "a.csv")
+    nominal, channels = believed().to_dict()["model"], [n for n in r.channels if n != "time_s"]
     data = {
         "name": "x",
         "format": 1,
         "rig": "frame",
-        "nominal": body,
+        "nominal": nominal,
         "channels": channels,
         "records": ["a.csv"],
     }

@@ -94,6 +94,15 @@ def test_a_diagnosis_simulates_as_predicted(record: Record) -> None:
     np.testing.assert_allclose(together[0, 0, 60:-60], predicted[60:-60], atol=0.01 * np.abs(predicted).max())
 
 
+def test_a_file_tells_how_the_command_was_logged(record: Record) -> None:
+    settings = {"remanence_b": B, "remanence_d": D, ALONG: 1.0}
+    found = DamperRig(Model("bingham", LAW), (record,)).model(settings)
+    again = Model.from_dict(found.to_dict())
+    assert again.extra[LOG] == AS_SENT
+    assert {e.name for e in again.effects} == {"remanence"}
+    assert log_entry({}) == {}
+
+
 def test_terms_along_the_log_are_there_where_a_log_rings(record: Record) -> None:
     ringing = DamperRig(Model("bingham", LAW), (record,)).terms
     flat = replace(record, channels={**record.channels, "command": np.full(record.n, 0.5)})
@@ -103,12 +112,3 @@ def test_terms_along_the_log_are_there_where_a_log_rings(record: Record) -> None
     assert {t.effect for t in along} == {"remanence"}
     assert not [t for t in still if ALONG in t.fixed]
     assert len({t.name for t in ringing}) == len(ringing) == len(still) + len(along)
-
-
-def test_a_file_tells_how_the_command_was_logged(record: Record) -> None:
-    settings = {"remanence_b": B, "remanence_d": D, ALONG: 1.0}
-    found = DamperRig(Model("bingham", LAW), (record,)).model(settings)
-    again = Model.from_dict(found.to_dict())
-    assert again.extra[LOG] == AS_SENT
-    assert {e.name for e in again.effects} == {"remanence"}
-    assert log_entry({}) == {}

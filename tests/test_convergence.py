@@ -24,13 +24,6 @@ def shares(some: list[Draw]) -> tuple[float, float]:
 
 
 @pytest.mark.slow
-def test_random_laws_and_effects() -> None:
-    above, far = shares([one for one in convergence.draws(7, 150) if not convergence.rattles(one)])
-    assert above <= 0.02
-    assert far == 0.0
-
-
-@pytest.mark.slow
 def test_many_random_laws_and_effects() -> None:
     """Of all draws; and of those that have an answer, without a mass that rattles."""
     some = convergence.draws(11, 1200)

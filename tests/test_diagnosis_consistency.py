@@ -64,33 +64,6 @@ def test_a_regime_that_does_not_determine_a_parameter_is_marked() -> None:
     assert [r.records for r in rows if not r.determined] == [(first.name,)]
 
 
-def test_other_parameters_stay_as_in_the_fit_to_all_records() -> None:
-    """The gap without the cause is that of the free gain, not of the nominal simulator."""
-    found, problem, rows = estimates({"gain": 3.0, "offset": 0.3}, "offset")
-    gaps = problem.gaps(problem.of_settings([{"gain": found.settings["gain"]}])[0])
-    by_name = {problem.rig.records[b.record].name: gap for b, gap in zip(problem.blocks, gaps, strict=True)}
-    for r in rows:
-        assert r.gap_without == pytest.approx(np.sqrt(np.mean([by_name[n] ** 2 for n in r.records])), rel=1e-9)
-
-
-def test_a_regime_is_labelled_and_a_worse_one_is_known() -> None:
-    one = RegimeEstimate("command", 0.5, 0.5, ("01",), {"a": 1.0}, {"a": (0.9, 1.1)}, True, 0.1, 0.2)
-    assert one.worse
-    assert one.label() == "command 0.5"
-    assert not replace(one, determined=False).worse
-    assert not replace(one, gap_with=0.05).worse
-    assert replace(one, over="speed", high=0.75).label() == "speed 0.5 to 0.75 m/s"
-    assert replace(one, low=None, high=None).label() == "01"
-
-
-def test_the_hull_contains_every_regime_that_determines_a_parameter() -> None:
-    one = RegimeEstimate("speed", 0.1, 0.1, ("01",), {"a": 1.0}, {"a": (0.7, 1.1)}, True, 0.1, 0.05)
-    two = replace(one, intervals={"a": (0.95, 1.6)})
-    vague = replace(one, intervals={"a": (-9.0, 9.0)}, determined=False)
-    assert hull({"a": (0.9, 1.2), "b": (0.0, 1.0)}, (one, two, vague)) == {"a": (0.7, 1.6), "b": (0.0, 1.0)}
-    assert hull({"a": (0.9, 1.2)}, ()) == {"a": (0.9, 1.2)}
-
-
 def test_a_wrong_law_widens_the_interval_of_a_named_cause() -> None:
     """A fifth power as a cubic: each regime has another factor, and the reported interval contains them all."""
     rig = toy({"fifth": 0.5})
@@ -109,19 +82,6 @@ def test_a_wrong_law_widens_the_interval_of_a_named_cause() -> None:
         assert (low < plain["cubic"][0] or high > plain["cubic"][1]) == widened
         if widened:
             assert all(low <= r.parameters["cubic"] <= high for r in regimes["cubic"])
-
-
-def test_ranges_are_the_records_own() -> None:
-    _, problem, rows = estimates({"offset": 0.3}, "offset")
-    for r in rows:
-        assert r.low is not None
-        assert r.high is not None
-        speeds = [
-            float(np.sqrt(np.mean(problem.rig.conditions(k)["velocity (m/s)"] ** 2)))
-            for k, record in enumerate(problem.rig.records)
-            if record.name in r.records
-        ]
-        assert (r.low, r.high) == pytest.approx((min(speeds), max(speeds)))
 
 
 def test_a_single_record_and_a_cause_that_was_not_fitted_have_no_estimates() -> None:
@@ -148,3 +108,21 @@ def test_a_cause_is_reported_in_the_form_of_the_last_fit() -> None:
     assert named.parameters == {"fifth": pytest.approx(0.5, abs=0.02)}
     assert named.by_regime
     assert all(set(r.parameters) == set(r.intervals) == {"fifth"} for r in named.by_regime)
+
+
+def test_the_hull_contains_every_regime_that_determines_a_parameter() -> None:
+    one = RegimeEstimate("speed", 0.1, 0.1, ("01",), {"a": 1.0}, {"a": (0.7, 1.1)}, True, 0.1, 0.05)
+    two = replace(one, intervals={"a": (0.95, 1.6)})
+    vague = replace(one, intervals={"a": (-9.0, 9.0)}, determined=False)
+    assert hull({"a": (0.9, 1.2), "b": (0.0, 1.0)}, (one, two, vague)) == {"a": (0.7, 1.6), "b": (0.0, 1.0)}
+    assert hull({"a": (0.9, 1.2)}, ()) == {"a": (0.9, 1.2)}
+
+
+def test_a_regime_is_labelled_and_a_worse_one_is_known() -> None:
+    one = RegimeEstimate("command", 0.5, 0.5, ("01",), {"a": 1.0}, {"a": (0.9, 1.1)}, True, 0.1, 0.2)
+    assert one.worse
+    assert one.label() == "command 0.5"
+    assert not replace(one, determined=False).worse
+    assert not replace(one, gap_with=0.05).worse
+    assert replace(one, over="speed", high=0.75).label() == "speed 0.5 to 0.75 m/s"
+    assert replace(one, low=None, high=None).label() == "01"

@@ -65,23 +65,11 @@ def test_records_beyond_are_left_out_with_their_repeats_unless_all_are() -> None
 @pytest.mark.skipif(not (DATA / "utfsm").is_dir(), reason="no measured records of utfsm here")
 def test_no_change_is_named_in_a_sweep_of_an_unchanged_rig_beyond_its_baseline(tmp_path: Path) -> None:
     """Sines of 5 to 25 mm are the baseline, the sweep has 2 mm: a seal friction of 183 N was told."""
-    sines, (sweep,) = (
-        sorted((DATA / "utfsm" / "train").glob("*")),
-        (DATA / "utfsm" / "validation").glob("chirp*"),
-    )
+    sines = sorted((DATA / "utfsm" / "train").glob("*"))
+    (sweep,) = (DATA / "utfsm" / "validation").glob("chirp*")
+    fit = ["--law", "bouc_wen", "--dependence", "quadratic", "--extras", "offset", "-o", tmp_path / "m"]
     for run in (
-        [
-            "identify",
-            *sines,
-            "--law",
-            "bouc_wen",
-            "--dependence",
-            "quadratic",
-            "--extras",
-            "offset",
-            "-o",
-            tmp_path / "m",
-        ],
+        ["identify", *sines, *fit],
         ["case", tmp_path / "m", sweep, "--baseline", *sines, "-o", tmp_path / "case"],
     ):
         assert mrdamp([str(word) for word in run]) == 0

@@ -104,14 +104,6 @@ def test_numbers_of_the_structure_are_no_unknown_cause(measured: dict[str, Recor
     assert not one.unexplained
 
 
-def test_what_no_effect_explains_has_no_cause(measured: dict[str, Record]) -> None:
-    """A clipped reading is none of the catalogue's."""
-    clipped = clipping(measured, 3)
-    (one,) = compared(believed(), clipped)
-    assert one.cause is None
-    assert one.unexplained
-
-
 @pytest.mark.slow
 def test_a_fault_outside_the_catalogue_changes_no_simulator(measured: dict[str, Record]) -> None:
     """A clipped accelerometer beside a damper whose law is off: neither is mended by something else."""

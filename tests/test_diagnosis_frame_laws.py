@@ -78,30 +78,6 @@ def test_another_law_makes_shear_thinning_needless(others: tuple[str, ...]) -> N
     assert np.all(np.isinf(found.left_out)) if others else found.gap < float(np.max(found.left_out))
 
 
-@pytest.mark.slow
-def test_a_cause_that_leaves_as_little_as_the_laws_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = problem_of(case())
-    chosen = fitted(problem, "shear_thinning")
-    monkeypatch.setattr(module, "heldout", lambda *_: np.full(len(problem.blocks), 1e-3))
-    assert other_law(case(), problem, chosen) is None
-
-
-@pytest.mark.slow
-def test_only_causes_in_the_form_of_a_law_of_a_measured_damper_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(*_: object, **__: object) -> None:
-        raise AssertionError("identified")
-
-    monkeypatch.setattr(module, "identify", never)
-    problem = problem_of(case())
-    assert other_law(case(), problem, fitted(problem, "seal_friction")) is None
-    for name in ("shear_thinning", "heating"):
-        with pytest.raises(AssertionError, match="identified"):
-            other_law(case(), problem, fitted(problem, name))
-    for missing in ("force_N", "floor1_displacement_m"):
-        some = tuple(replace(r, channels={k: v for k, v in r.channels.items() if k != missing}) for r in case().records)
-        assert other_law(replace(case(), records=some), problem, fitted(problem, "shear_thinning")) is None
-
-
 @pytest.mark.parametrize("floor", [1e-6, 1.0])
 def test_a_storeys_cause_of_a_frame_that_is_as_its_baseline(floor: float) -> None:
     """The baseline is the case's own records: nothing has changed. floor: cost of the noise over the best fit's."""
@@ -134,7 +110,9 @@ def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPa
         fits, decision = own(search, *args, **options)
         fits = [*fits, fitted(search.problem, "shear_thinning")]
         chosen = replace(scored(fits)[-1], index=len(fits) - 1)
-        return fits, replace(decision, verdict="effect", chosen=chosen, probabilities=(*decision.probabilities, 0.0))
+        return fits, replace(
+            decision, verdict="effect", chosen=chosen, probabilities=(*decision.probabilities, 0.0)
+        )
 
     monkeypatch.setattr(frame_run, "judge", named)
     monkeypatch.setattr(module, "identify", of_many)
@@ -149,7 +127,9 @@ def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPa
     assert [s.name for s in found.waterfall] == ["nominal", f"law {found.corrected.law}"]
     assert found.gap.left_out is not None
     assert found.gap.left_out < 0.5 * found.gap.nominal
-    assert found.gap.corrected == pytest.approx(predicted_gap(found.corrected, Problem(reduced(case())[1])), rel=0.1)
+    assert found.gap.corrected == pytest.approx(
+        predicted_gap(found.corrected, Problem(reduced(case())[1])), rel=0.1
+    )
     assert found.remainder is None or found.remainder.gap == found.gap.left_out
     assert f"Another law ({found.other_law['law']})" in found.sentence
     assert found.sentence.endswith("it is handed over.")
@@ -169,3 +149,27 @@ def test_a_law_is_handed_over_if_it_leaves_less_of_left_out_records() -> None:
     assert handed is not None
     assert handed.problem.rig.model({}).law == other.law
     assert handed.heldout is less.left_out
+
+
+@pytest.mark.slow
+def test_a_cause_that_leaves_as_little_as_the_laws_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of(case())
+    chosen = fitted(problem, "shear_thinning")
+    monkeypatch.setattr(module, "heldout", lambda *_: np.full(len(problem.blocks), 1e-3))
+    assert other_law(case(), problem, chosen) is None
+
+
+@pytest.mark.slow
+def test_only_causes_in_the_form_of_a_law_of_a_measured_damper_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("identified")
+
+    monkeypatch.setattr(module, "identify", never)
+    problem = problem_of(case())
+    assert other_law(case(), problem, fitted(problem, "seal_friction")) is None
+    for name in ("shear_thinning", "heating"):
+        with pytest.raises(AssertionError, match="identified"):
+            other_law(case(), problem, fitted(problem, name))
+    for missing in ("force_N", "floor1_displacement_m"):
+        some = tuple(replace(r, channels={k: v for k, v in r.channels.items() if k != missing}) for r in case().records)
+        assert other_law(replace(case(), records=some), problem, fitted(problem, "shear_thinning")) is None

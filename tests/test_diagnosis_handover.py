@@ -22,28 +22,18 @@ BOUC_WEN = {
 }  # fmt: skip
 EFFECTS = (
     Effect("driver_lag", {"tau": 0.02, "tau2": 0.005}),
-    Effect("command_delay", {"d": 0.015}),
-    Effect("saturation", {"i_s": 0.6, "shape": 2.0}),
     Effect("remanence", {"b": 0.1, "d": 0.1}),
-    Effect("asymmetry", {"a": 0.2, "width": 0.01}),
-    Effect("trapped_gas", {"d": 0.5, "s_g": 0.003, "shape": 2.0}),
-    Effect("gas_spring", {"k": 4000.0, "f0": 60.0}),
     Effect("seal_friction", {"coulomb": 60.0, "breakaway": 1.4, "v_s": 0.01, "presliding": 5e-5}),
     Effect("moving_mass", {"m": 20.0}),
     Effect("mount_compliance", {"k": 4e5}),
     Effect("backlash", {"gap": 5e-4, "k": 2e6}),
-    Effect("sensor_leakage", {"tau": 0.5}),
     Effect("sensor_lag", {"tau": 0.006}),
     Effect("channel_shift", {"d": 0.004}),
 )
 PLACED = (
     Effect("storey_stiffness", {"e": -0.25}, 2),
-    Effect("joint_friction", {"coulomb": 40.0, "width": 0.003}, 3),
-    Effect("floor_mass", {"dm": 20.0}, 3),
     Effect("storey_damping", {"e": 1.0, "quadratic": 8000.0}, 1),
     Effect("sensor_lag", {"tau": 0.008, "ratio": 0.7}, 2),
-    Effect("sensor_gain", {"g": 1.2}, 3),
-    Effect("driver_lag", {"tau": 0.02}),
     Effect("seal_friction", {"coulomb": 80.0, "breakaway": 1.3, "v_s": 0.01, "presliding": 5e-5}),
 )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
-from toy_rig import DT, ToyRig, parts, toy
+from toy_rig import DT, ToyRig, parts, search_of, toy
 
 DAMPER = Envelope("displacement_m", 0.01, 0.12, 0.3, 10.0, 0.2, 1.4, 0.002)
 FRAME = Envelope("ground_acceleration_m_s2", 3.0, None, 0.8, 16.0, 0.0, 1.0, 0.002)
@@ -151,9 +152,6 @@ def test_a_step_that_the_chain_refuses_leaves_the_others_alone() -> None:
 LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
 
 
-NOISE = np.array([0.02])
-
-
 def sines(commands: tuple[float, ...]) -> DamperRig:
     """A damper that the simulator matches, shaken by sines at constant commands."""
     t = 0.002 * np.arange(1200)
@@ -169,13 +167,16 @@ def sines(commands: tuple[float, ...]) -> DamperRig:
     return DamperRig(model, tuple(records))
 
 
-def test_constant_commands_are_answered_with_one_that_changes() -> None:
-    rig = sines((0.2, 1.0))
-    search = Search(Problem(rig, coarse=True), 1e-3, Limits())
+def proposed(*hidden: str) -> tuple[dict[str, Any], dict[str, Array] | None]:
+    """After sines at two constant commands, which cannot show these effects."""
+    search = Search(Problem(sines((0.2, 1.0)), coarse=True), 1e-3, Limits())
     fits, decision = judge(search)
-    chosen = fits[decision.chosen.index]
-    hidden = [{"effect": "driver_lag"}, {"effect": "command_delay"}]
-    test, made = next_test(search, chosen, fits, decision, (), hidden, np.array([5.0]))
+    unseen = [{"effect": name} for name in hidden]
+    return next_test(search, fits[decision.chosen.index], fits, decision, (), unseen, np.array([5.0]))
+
+
+def test_constant_commands_are_answered_with_one_that_changes() -> None:
+    test, made = proposed("driver_lag", "command_delay")
     assert made is not None
     assert "driver_lag" in test["why"]
     assert np.ptp(made["command"]) > 0.3
@@ -184,25 +185,17 @@ def test_constant_commands_are_answered_with_one_that_changes() -> None:
 
 
 def test_a_sensor_gain_that_the_law_can_make_itself_is_told_as_beyond_any_test() -> None:
-    rig = sines((0.2, 1.0))
-    search = Search(Problem(rig, coarse=True), 1e-3, Limits())
-    fits, decision = judge(search)
-    chosen = fits[decision.chosen.index]
-    test, _ = next_test(search, chosen, fits, decision, (), [{"effect": "sensor_gain"}], np.array([5.0]))
-    assert "no test within these limits separates sensor_gain" in test["why"]
+    assert "no test within these limits separates sensor_gain" in proposed("sensor_gain")[0]["why"]
 
 
 def test_ties_are_what_the_test_is_for() -> None:
-    rig = toy({"cubic": 0.4, "sign": 0.3})
-    problem = Problem(rig)
-    search = Search(problem, sum((0.02 / b.size) ** 2 for b in problem.blocks), Limits())
+    search = search_of(toy({"cubic": 0.4, "sign": 0.3}))
     search.run()
     fits, decision = judge(search)
     single = search.smallest(False, ["cubic"])
     assert single is not None
-    test, made = next_test(
-        search, single, fits, decision, (("cubic", "sign"), ("cubic", "parameters")), (), NOISE
-    )
+    ties = (("cubic", "sign"), ("cubic", "parameters"))
+    test, made = next_test(search, single, fits, decision, ties, (), np.array([0.02]))
     assert made is not None
     assert test["why"].startswith("these records leave cubic and sign tied")
     assert [(s["one"], s["rival"]) for s in test["separates"]] == [("cubic", "sign"), ("cubic", "parameters")]

@@ -32,10 +32,10 @@ def records() -> tuple[Record, ...]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "factor"), [("fyb", 0.09), ("c0b", 0.09)])
-def test_a_number_may_be_further_off_than_its_range(name: str, factor: float) -> None:
+@pytest.mark.parametrize("name", ["fyb", "c0b"])
+def test_a_number_may_be_further_off_than_its_range(name: str) -> None:
     """Where free numbers leave little else, those that stand at an end of their range go on."""
-    nominal = Model("bingham", LAW | {name: factor * LAW[name]})
+    nominal = Model("bingham", LAW | {name: 0.09 * LAW[name]})
     found = diagnose(Case("case", Path("case"), nominal, records(), ()))
     assert found.verdict == "parameters"
     assert found.corrected.parameters[name] == pytest.approx(LAW[name], rel=0.05)

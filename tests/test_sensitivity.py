@@ -13,33 +13,39 @@ import pytest
 from mrdamp.cli import main
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.injection import summary
-from mrdamp.diagnosis.injection.page import page
-from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study, Trial, injected, lasting
+from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study, Trial, injected
 from mrdamp.model import Model
 from mrdamp.records import Record, embedded
 
 BINGHAM = Model("bingham", {"c0a": 700.0, "c0b": 300.0, "fya": 60.0, "fyb": 500.0, "v_ref": 0.01})
 
 
-@pytest.fixture
-def case(tmp_path: Path) -> Path:
-    """Three records of the embedded set at constant commands, without its load cell."""
-    folder = tmp_path / "case"
+#: Three records of the embedded set at constant commands.
+HELD = [r for r in embedded().train if np.ptp(r.command) < 1e-3][:3]
+
+
+def written(folder: Path, nominal: Model, records: list[Record]) -> Path:
     folder.mkdir()
-    records = [r for r in embedded().train if np.ptp(r.command) < 1e-3][:3]
     for r in records:
-        kept = {n: r.channel(n) for n in ("displacement_m", "command", "force_N")}
-        Record(r.name, None, r.sample_time, kept).part(0, 2).save(folder / f"{r.name}.csv")
+        r.save(folder / f"{r.name}.csv")
     data = {
         "name": "rig",
         "format": 1,
         "rig": "damper",
-        "nominal": BINGHAM.to_dict()["model"],
-        "channels": ["time_s", "displacement_m", "command", "force_N"],
+        "nominal": nominal.to_dict()["model"],
+        "channels": list(records[0].channels),
         "records": [f"{r.name}.csv" for r in records],
     }
     (folder / "case.json").write_text(json.dumps(data))
     return folder
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    """Two seconds of each record without its load cell."""
+    kept = ("displacement_m", "command", "force_N")
+    records = [Record(r.name, None, r.sample_time, {n: r.channel(n) for n in kept}).part(0, 2) for r in HELD]
+    return written(tmp_path / "case", BINGHAM, records)
 
 
 class Knowing:
@@ -79,12 +85,6 @@ def knowing(case: Path, monkeypatch: pytest.MonkeyPatch) -> Knowing:
     found = Knowing(case, least=0.1)
     monkeypatch.setattr("mrdamp.diagnosis.run.diagnose", found)
     return found
-
-
-def test_a_page_is_written_before_any_trial_has_an_outcome(case: Path) -> None:
-    study = Study.of(read_case(case), ["sensor_gain"], [0.3])
-    told = page(study, [Answer(AS_THEY_ARE, 0.0), Answer("sensor_gain", 0.3, reached=False)])
-    assert "out of reach" in told.html()
 
 
 ASKED = ("--effects", "sensor_gain", "sensor_offset", "command_delay", "heating", "--sizes", "0.02", "0.3")
@@ -206,10 +206,7 @@ def test_bad_input_is_one_line(
     assert not out.exists()
 
 
-def test_a_case_that_is_none_or_a_frame(case: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = str(case.parent / "out")
-    assert main(["sensitivity", str(case.parent / "no"), "-o", out]) == 2
-    assert "no such folder" in capsys.readouterr().err
+def test_a_frame_is_refused() -> None:
     frame = SimpleNamespace(model=SimpleNamespace(rig="frame"), folder=Path("frame"), records=())
     with pytest.raises(Exception, match="rig frame"):
         Study.of(frame)  # type: ignore[arg-type]
@@ -239,49 +236,22 @@ def test_only_what_larger_sizes_confirm_counts_as_named() -> None:
 
 
 def test_a_tie_of_two_is_unsure_and_of_many_is_wrong() -> None:
-    two = Answer("gas_spring", 0.1, True, {}, "effect", ("asymmetry",), (("asymmetry", "gas_spring"),))
-    many = Answer(
-        "gas_spring",
-        0.1,
-        True,
-        {},
-        "effect",
-        ("asymmetry",),
-        (("asymmetry", "gas_spring", "backlash", "heating"),),
-    )
-    assert summary.outcome(two, ()) == "unsure"
-    assert summary.outcome(many, ()) == "wrong"
+    for tied, outcome in (((), "unsure"), (("backlash", "heating"), "wrong")):
+        ties = (("asymmetry", "gas_spring", *tied),)
+        one = Answer("gas_spring", 0.1, True, {}, "effect", ("asymmetry",), ties)
+        assert summary.outcome(one, ()) == outcome
     assert summary.outcome(Answer("gas_spring", 0.9, reached=False), ()) == "out of reach"
-
-
-def test_times_in_words() -> None:
-    assert [lasting(s) for s in (40, 700, 7500)] == ["40 s", "12 min", "2 h 5 min"]
 
 
 @pytest.mark.slow
 def test_a_gain_is_found_beside_the_load_cell(tmp_path: Path) -> None:
     """The real diagnosis, on records that another program made: the corrected simulator has the gain."""
-    folder = tmp_path / "case"
-    folder.mkdir()
-    records = [r for r in embedded().train if np.ptp(r.command) < 1e-3][:3]
-    for r in records:
-        r.save(folder / f"{r.name}.csv")
     from mrdamp.identify import identify
 
-    nominal = identify("hyperbolic_tangent", records, starts=2).model
-    data = {
-        "name": "rig",
-        "format": 1,
-        "rig": "damper",
-        "nominal": nominal.to_dict()["model"],
-        "channels": list(records[0].channels),
-        "records": [f"{r.name}.csv" for r in records],
-    }
-    (folder / "case.json").write_text(json.dumps(data))
+    folder = written(tmp_path / "case", identify("hyperbolic_tangent", HELD, starts=2).model, HELD)
     out = tmp_path / "out"
-    assert (
-        main(["sensitivity", str(folder), "-o", str(out), "--effects", "sensor_gain", "--sizes", "0.3"]) == 0
-    )
+    asked = ["--effects", "sensor_gain", "--sizes", "0.3"]
+    assert main(["sensitivity", str(folder), "-o", str(out), *asked]) == 0
     told = json.loads((out / "sensitivity.json").read_text())
     (trial,) = (t for t in told["trials"] if t["effect"] == "sensor_gain")
     # Two readings of one force, a factor apart.

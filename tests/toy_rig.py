@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Term
 from mrdamp.diagnosis.problem.designs import Envelope, Signal
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -114,3 +116,9 @@ def toy(truth: Settings, noise: float = 0.02, seed: int = 0, records: int = 6, n
         }
         made.append(Record(f"{k:02d}", None, DT, channels))
     return ToyRig(tuple(made))
+
+
+def search_of(rig: ToyRig, noise: float = 0.02) -> Search:
+    """A search that has tried no cause yet, told of the noise."""
+    problem = Problem(rig)
+    return Search(problem, sum((noise / b.size) ** 2 for b in problem.blocks))

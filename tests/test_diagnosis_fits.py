@@ -1,17 +1,19 @@
-"""Fits that find their way in rough runs: they end where full runs alone would, however rough."""
+"""Fits: in rough runs they end where full runs alone would, along a number whose cost jumps, in threads."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from threading import Barrier
 
 import numpy as np
 import pytest
 
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings, Term
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings, Term
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -80,20 +82,6 @@ def test_good_rough_runs_spare_full_ones() -> None:
     assert got.cost == pytest.approx(want.cost, rel=5e-3)
 
 
-@pytest.mark.parametrize("square", [0.0, 0.05])
-def test_what_is_told_of_a_fit_that_looked_along_rugged_coordinates_is_the_full_runs(square: float) -> None:
-    plain = toy(TRUTH)
-    rig = Stepped(plain.records, rough=Bent(plain.records, factor=1.05, square=square))
-    terms = []
-    for term in (t for t in rig.terms if t.effect in ("cubic", "sign")):
-        terms.append(replace(term, coordinates=tuple(replace(c, rugged=True) for c in term.coordinates)))
-    hypothesis, problem = Hypothesis(rig.nominal, tuple(terms)), Problem(rig, coarse=True)
-    for most in (3, 6, 20):
-        got = fit(problem, hypothesis, hypothesis.start(), most=most, tolerance=1e-2)
-        np.testing.assert_array_equal(got.residual, problem.residuals(hypothesis, got.point)[0])
-        assert got.cost == float(got.residual @ got.residual)
-
-
 LAW = {"c0a": 700.0, "c0b": 800.0, "alpha_a": 9e3, "alpha_b": 3e4, "k0": 900.0, "x0": 0.0, "k1": 400.0}
 LAW |= {"c1a": 2e4, "c1b": 5e4, "gamma": 2e6, "beta": 2e6, "A": 120.0, "n": 2.0}
 
@@ -139,3 +127,96 @@ def test_threads_change_nothing() -> None:
     settings: list[Settings] = [{"c0a": c} for c in (500.0, 700.0, 900.0, 1100.0, 1300.0)]
     one, three = (damper(0.002, threads).simulate(settings, 0, coarse=True) for threads in (1, 3))
     np.testing.assert_array_equal(one, three)
+
+
+@pytest.mark.parametrize("square", [0.0, 0.05])
+def test_what_is_told_of_a_fit_that_looked_along_rugged_coordinates_is_the_full_runs(square: float) -> None:
+    plain = toy(TRUTH)
+    rig = Stepped(plain.records, rough=Bent(plain.records, factor=1.05, square=square))
+    terms = []
+    for term in (t for t in rig.terms if t.effect in ("cubic", "sign")):
+        terms.append(replace(term, coordinates=tuple(replace(c, rugged=True) for c in term.coordinates)))
+    hypothesis, problem = Hypothesis(rig.nominal, tuple(terms)), Problem(rig, coarse=True)
+    for most in (3, 6, 20):
+        got = fit(problem, hypothesis, hypothesis.start(), most=most, tolerance=1e-2)
+        np.testing.assert_array_equal(got.residual, problem.residuals(hypothesis, got.point)[0])
+        assert got.cost == float(got.residual @ got.residual)
+
+
+LEVEL, LOST = 0.4, 0.7
+RUGGED = Coordinate("level", 0.1, 0.02, 1.0, 2.0, log=True, rugged=True)
+
+
+@dataclass(frozen=True)
+class Jumping(ToyRig):
+    """The toy, whose force falls by a share where the displacement is above a level."""
+
+    def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        x = np.asarray(self.records[record].displacement)
+        above = np.array([[x > s.get("level", 2.0)] for s in settings])
+        lost = np.array([s.get("lost", 0.0) for s in settings])[:, None, None]
+        law = [{k: v for k, v in s.items() if k not in ("level", "lost")} for s in settings]
+        return np.asarray(super().simulate(law, record) * (1 - lost * above))
+
+
+def jumping() -> Jumping:
+    plain = toy({}, noise=0.0)
+    rig, noise = Jumping(plain.records), np.random.default_rng(2)
+    made = []
+    for k, record in enumerate(plain.records):
+        force = rig.simulate([{"level": LEVEL, "lost": LOST}], k)[0, 0]
+        channels = dict(record.channels) | {"force_N": force + 0.02 * noise.standard_normal(record.n)}
+        made.append(replace(record, channels=channels))
+    return Jumping(tuple(made))
+
+
+def jumped(level: Coordinate, start: float) -> Fit:
+    rig = jumping()
+    term = Term("lost", "fluid", (Coordinate("lost", 0.0, 0.0, 1.0, 0.1), level), ((0.3, start),))
+    hypothesis = Hypothesis(rig.nominal, (term,))
+    return fit(Problem(rig), hypothesis, hypothesis.start(), most=15)
+
+
+@pytest.mark.parametrize("start", [0.05, 0.15, 0.9])
+def test_a_rugged_number_is_found_from_afar(start: float) -> None:
+    found = jumped(RUGGED, start)
+    assert found.settings["level"] == pytest.approx(LEVEL, rel=0.02)
+    assert found.settings["lost"] == pytest.approx(LOST, rel=0.02)
+    assert found.settings["gain"] == pytest.approx(2.0, rel=0.02)
+
+
+def test_differences_over_a_small_step_would_not_find_it() -> None:
+    assert jumped(replace(RUGGED, rugged=False), 0.15).cost > 3 * jumped(RUGGED, 0.15).cost
+
+
+SETTINGS: list[Settings] = [{"gain": 2.2}, {"gain": 2.2, "cubic": 0.3}]
+
+
+@dataclass(frozen=True)
+class Together(ToyRig):
+    """A toy whose records are only simulated two at a time."""
+
+    barrier: Barrier | None = None
+
+    def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        if self.barrier is not None:
+            self.barrier.wait(timeout=20)
+        if record == 4 and "cubic" in settings[-1]:
+            raise InputError("not this one")
+        return super().simulate(settings, record)
+
+
+def test_records_are_simulated_side_by_side_with_the_same_outcome() -> None:
+    alone = Together(toy({}).records)
+    both = replace(alone, threads=2, barrier=Barrier(2))
+    one, two = Problem(alone), Problem(both)
+    np.testing.assert_array_equal(two.of_settings(SETTINGS[:1]), one.of_settings(SETTINGS[:1]))
+    assert two.runs == one.runs == len(alone.records)
+
+
+def test_a_record_that_is_refused_is_so_in_threads_too() -> None:
+    alone = Together(toy({}).records)
+    one, two = Problem(alone).outputs(SETTINGS), Problem(replace(alone, threads=2)).outputs(SETTINGS)
+    np.testing.assert_array_equal(two, one)
+    assert np.isnan(one[1]).any()
+    assert not np.isnan(one[0]).any()
