@@ -10,16 +10,7 @@ import pytest
 
 from dampers import rms
 from excitation import Array
-from mjcf_builders import (
-    HEAVY,
-    Damper,
-    compiled,
-    document,
-    signals,
-    slider,
-    step_through,
-)
-from test_plugin_physics import BINGHAM
+from mjcf_builders import BINGHAM, HEAVY, Damper, compiled, document, signals, slider
 
 
 def commanded(
@@ -88,11 +79,8 @@ def test_commands_are_clamped() -> None:
     for setting, more, low, high in cases:
         found = commanded(setting, more, step_at(0.01, -3.0, 5.0), 0.02)
         assert (found[5], found[15]) == (low, high), (setting, more)
-    model, data = compiled(
-        document(
-            slider(HEAVY), [Damper("bingham", BINGHAM, more='ctrllimited="true" ctrlrange="0 2"')], signals()
-        )
-    )
+    limited = Damper("bingham", BINGHAM, more='ctrllimited="true" ctrlrange="0 2"')
+    model, data = compiled(document(slider(HEAVY), [limited], signals()))
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
     data.ctrl[0] = 5.0
     mujoco.mj_forward(model, data)
@@ -107,9 +95,8 @@ def test_the_sign_of_a_current_does_not_matter_to_the_fluid(effect: Mapping[str,
     """(c0a + c0b |i|) v + (fya + fyb |i|) tanh(v / v_ref); with a least command the sign counts."""
 
     def force(u: float, more: Mapping[str, float]) -> float:
-        model, data = compiled(
-            document(slider(HEAVY), [Damper("bingham", {**BINGHAM, **effect, **more})], signals())
-        )
+        damper = Damper("bingham", {**BINGHAM, **effect, **more})
+        model, data = compiled(document(slider(HEAVY), [damper], signals()))
         data.qvel[0], data.ctrl[0] = 0.1, u
         mujoco.mj_step(model, data, 200)
         return float(data.sensor("true_force").data[0])
@@ -128,33 +115,3 @@ def test_a_current_that_changes_its_sign_passes_zero() -> None:
     )
     since = np.maximum(np.arange(len(found)) * 1e-3 - 0.05, 0.0)
     np.testing.assert_allclose(found, np.abs(2.0 * np.exp(-since / 0.02) - 1.0), atol=1e-9)
-
-
-def test_sensor_does_not_keep_an_old_force_without_actuation() -> None:
-    """With the engine's actuation off the damper gives nothing: at rest the sensor reads nothing either."""
-    model, data = compiled(document(slider(3.0), [Damper("bingham", BINGHAM)]))
-    data.qvel[0] = 0.3
-    mujoco.mj_step(model, data)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    data.qvel[0] = 0.0
-    mujoco.mj_step(model, data)
-    assert data.actuator_force[0] == 0.0
-    assert data.sensor("force").data[0] == 0.0
-
-
-def test_disabled_group_gives_no_force() -> None:
-    text = document(
-        slider(2.0, name="j0") + slider(2.0, name="j1"),
-        [
-            Damper("bingham", BINGHAM, "one", more='group="3"'),
-            Damper("bingham", BINGHAM, "two", 'joint="j1"'),
-        ],
-        (),
-        options='<flag contact="disable"/>',
-    ).replace("<option ", '<option actuatorgroupdisable="3" ')
-    model, data = compiled(text)
-    data.qvel[:] = 0.5
-    track = step_through(model, data, 50)
-    np.testing.assert_allclose(track.v[:, 0], 0.5, rtol=1e-12)
-    assert track.v[-1, 1] < 0.01
-    assert data.actuator_force[0] == 0.0
