@@ -16,7 +16,6 @@ from mrdamp import sets
 from mrdamp.cli import build_parser, main
 from mrdamp.commands.completion import script
 from mrdamp.commands.output import progress_bar
-from mrdamp.errors import InputError
 from mrdamp.model.citations import citation
 
 ROOT = Path(__file__).parents[1]
@@ -37,8 +36,6 @@ def test_citation_prints_bibtex_and_json(capsys: pytest.CaptureFixture[str]) -> 
     assert text.count("{") == text.count("}")
     assert main(["citation", "narx", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["narx"]["references"][0]["year"] == 2015
-    assert main(["citation", "spring"]) == 2
-    assert "modified_bouc_wen" in capsys.readouterr().err
 
 
 def test_citation_file_is_for_this_version() -> None:
@@ -135,8 +132,3 @@ def test_sets_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     rows = json.loads(capsys.readouterr().out)
     assert [row["id"] for row in rows] == list(sets.names())
     assert all(row["sources"] for row in rows)
-
-
-def test_names_of_no_set_are_told() -> None:
-    with pytest.raises(InputError, match="dyke1996_3kN"):
-        citation("nothing")
