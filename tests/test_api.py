@@ -41,7 +41,7 @@ def test_identify_is_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_compare_is_the_command(tmp_path: Path) -> None:
-    motion = kanai_tajimi(5, duration=4.0, rise=0.5, plateau=2.0, decay=0.5)
+    motion = kanai_tajimi(5, duration=2.0, rise=0.3, plateau=1.0, decay=0.3)
     motion.save(tmp_path / "m.csv")
     names = ["passive-on", "passive-off"]
     table = mrdamp.compare("frame", names, [mrdamp.read_motion(tmp_path / "m.csv")], engine="chain")

@@ -11,7 +11,7 @@ import pytest
 from mrdamp.cli import main
 from mrdamp.model.core import Array
 from mrdamp.records import read_records
-from mrdamp.records.motion import cut, faults, path, share_of_stroke, turns
+from mrdamp.records.motion import cut, path, share_of_stroke
 
 DT = 0.002
 
@@ -49,10 +49,7 @@ def test_path_counts_motion_and_not_noise() -> None:
     sine = np.sin(np.linspace(0, 20 * math.pi, 4000))
     assert path(sine)[-1] == pytest.approx(40, rel=0.03)
     assert cut(sine) == pytest.approx(4000 * 2 / 3, rel=0.02)
-
-
-def test_a_record_that_stands_still_is_cut_in_its_time() -> None:
-    assert cut(np.zeros(301)) == 200
+    assert cut(np.zeros(301)) == 200  # where nothing moves, in its time
 
 
 @pytest.mark.parametrize(("begin", "end"), [(6.2, 8.0), (0.0, 2.0), (3.0, 5.0)])
@@ -108,16 +105,6 @@ def test_held_out_records_that_say_nothing_get_a_sentence_and_no_table(
     assert "the held-out records do not judge it" in out
     assert f"{still}: the law explains this force worse than a constant" in out
     assert "held out" not in out
-
-
-def test_turns_are_counted_with_hysteresis() -> None:
-    t = np.linspace(0, 1, 1000)
-    assert turns(t) == 0
-    assert turns(-t) == 0
-    assert turns(np.sin(math.pi * t)) == 1
-    assert turns(np.sin(2 * math.pi * t)) == 2
-    assert turns(-np.cos(8 * math.pi * t) + 0.02 * np.cos(400 * t)) == 7
-    assert faults(np.sin(20 * t), np.cos(20 * t)) == []
 
 
 def test_the_share_of_a_stroke_grows_from_each_turn() -> None:

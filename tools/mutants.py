@@ -80,8 +80,8 @@ def _some(of: str, file: str, tests: str, *pairs: tuple[str, ...]) -> Iterator[M
 
 
 _L, _E = "plugin_cpp/laws/", "plugin_cpp/effects/"
-_FORMS = "effects effect_forms current_forms"
-_MOUNT = "effects mount_forms effect_forms"
+_FORMS = "effect_forms current_forms effects"
+_MOUNT = "mount_forms effect_forms effects"
 MUTANTS = (
     *_some("bingham", _L + "bingham.h", "laws plugin_physics",
            ("k.c0 * v + k.yield * turn", "k.c0 * v - k.yield * turn"),
