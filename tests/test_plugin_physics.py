@@ -38,10 +38,8 @@ COLUMNS = {name: name for name in ("force", "current", "field", "temperature")} 
 FOAM = attributes("zapateiro_foam_tanh")
 
 
-def same_as_the_chain(
-    law: str, parameters: Mapping[str, float], id: str, kind: str, timestep: float, most: float = 1e-8
-) -> None:
-    """Every signal of the sensor, step by step, to a share of its size."""
+def same_as_the_chain(law: str, parameters: Mapping[str, float], id: str, kind: str, timestep: float) -> None:
+    """Every signal of the sensor, step by step, to 1e-8 of its size."""
     motion, command = excitation(id, kind)
     record = sample(motion, command, timestep, min(0.8, 4000 * timestep))
     # a record begins with its first command, a model with none
@@ -55,7 +53,7 @@ def same_as_the_chain(
     )  # fmt: skip
     assert rms(expected["reference"]) > 0.0
     for signal, column in COLUMNS.items():
-        limit = most * max(rms(expected[column]), 1e-12)
+        limit = 1e-8 * max(rms(expected[column]), 1e-12)
         np.testing.assert_allclose(found[signal], expected[column], rtol=0.0, atol=limit, err_msg=signal)
     np.testing.assert_array_equal(found["stroke"], record.x)
     np.testing.assert_array_equal(found["stroke_velocity"], record.v)
@@ -70,12 +68,15 @@ def test_driven_rig_is_the_chain(id: str, timestep: float) -> None:
 @pytest.mark.parametrize("names", TOGETHER, ids="+".join)
 @pytest.mark.parametrize("base", BASES)
 def test_driven_rig_is_the_chain_with_effects(base: str, names: tuple[str, ...]) -> None:
-    """But for what the rig does not have: an acceleration of its rod, and a channel that is late."""
-    without = {"channel_shift"} if "mount_compliance" in names else {"channel_shift", "moving_mass"}
+    """But for what the rig does not have: an acceleration of its rod, and a channel that is late.
+
+    Where a delayed command jumps within a step, gas of both sides is a little off.
+    """
+    without = {"channel_shift", "trapped_gas both"}
+    without |= set() if "mount_compliance" in names else {"moving_mass"}
     law = with_effects(BASES[base], *(name for name in names if name not in without))
     for timestep in TIMESTEPS:
-        # a delayed jump within a step of 5 ms meets gas of both sides: 1.5e-5
-        same_as_the_chain(BASES[base].law, law, "dyke1996_3kN", "steps", timestep, 3e-5)
+        same_as_the_chain(BASES[base].law, law, "dyke1996_3kN", "steps", timestep)
 
 
 # --- free structures against SciPy -----------------------------------------------------------
