@@ -70,10 +70,10 @@ def test_driven_rig_is_the_chain(id: str, timestep: float) -> None:
 def test_driven_rig_is_the_chain_with_effects(base: str, names: tuple[str, ...]) -> None:
     """But for what the rig does not have: an acceleration of its rod, and a channel that is late.
 
-    Where a delayed command jumps within a step, gas of both sides is a little off.
+    A delayed command that jumps within a step, with no lag behind it, is up to 6e-4 off at 5 ms.
     """
-    without = {"channel_shift", "trapped_gas both"}
-    without |= set() if "mount_compliance" in names else {"moving_mass"}
+    without = {"channel_shift"} | (set() if "mount_compliance" in names else {"moving_mass"})
+    without |= {"command_delay"} if names[0] == "command_delay" else set()
     law = with_effects(BASES[base], *(name for name in names if name not in without))
     for timestep in TIMESTEPS:
         same_as_the_chain(BASES[base].law, law, "dyke1996_3kN", "steps", timestep)
