@@ -77,8 +77,10 @@ def test_packages_are_the_functions_of_their_names() -> None:
     for name in ("identify", "compare", "train"):
         assert getattr(mrdamp, name) is sys.modules[f"mrdamp.{name}"]
         assert callable(getattr(mrdamp, name))
-    with pytest.raises(mrdamp.InputError, match="boat"):
-        mrdamp.compare("boat")
+    refuses(lambda: mrdamp.compare("boat"), "boat")
+    assert all(getattr(mrdamp, name) is not None for name in mrdamp.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = mrdamp.nothing
     text = pydoc.plain(pydoc.render_doc(mrdamp))
     for name in ("identify", "predict", "diagnose", "compare", "train"):
         assert f"mrdamp.{name}(" in text

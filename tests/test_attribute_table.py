@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 
@@ -41,21 +40,6 @@ def test_readme_has_the_tables_of_now() -> None:
     assert tool.replaced(stale) == README
     with pytest.raises(ValueError, match="markers"):
         tool.replaced("no tables here")
-
-
-def test_python_sees_the_rows_of_the_source_file() -> None:
-    source = (ROOT / "plugin_cpp" / "core" / "attributes.def").read_text(encoding="utf-8")
-    rows = re.findall(
-        r'^MRDAMP_(?:ATTRIBUTE|EFFECT)\((\w+), (\w+), "([^"]*)", (\S+), (\S+), (\S+), "([^"]*)"\)', source, re.M
-    )
-    assert len(rows) == source.count("\nMRDAMP_ATTRIBUTE(") + source.count("\nMRDAMP_EFFECT(")
-    values = {"kInf": math.inf, "-kInf": -math.inf}
-    expected = []
-    for name, group, unit, default, low, high, meaning in rows:
-        limits = [values[word] if word in values else float(word) for word in (low, high)]
-        neutral = None if default == "kUnset" else float(default)
-        expected.append(core.Attribute(name, group, unit, neutral, limits[0], limits[1], meaning))
-    assert list(core.attributes()) == expected
 
 
 def test_readme_lists_every_attribute_once() -> None:

@@ -148,24 +148,6 @@ def test_another_mujoco_is_refused_with_the_command_that_mends_it(tmp_path: Path
 
 
 @pytest.mark.slow
-def test_spawned_worker_imports(tmp_path: Path) -> None:
-    script = tmp_path / "spawn.py"
-    script.write_text(
-        "import multiprocessing\n"
-        "def work(text):\n"
-        "    import mrdamp, mujoco\n"
-        "    return mujoco.MjModel.from_xml_string(text).nq\n"
-        "if __name__ == '__main__':\n"
-        "    with multiprocessing.get_context('spawn').Pool(2) as pool:\n"
-        f"        print(pool.map(work, ['''{MODEL}'''] * 2))\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", script], cwd=tmp_path, capture_output=True, text=True, timeout=120
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "[1, 1]\n", "")
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("command", [[Path(sys.executable).parent / "mrdamp"], [sys.executable, "-m", "mrdamp"]])
 def test_command_tells_its_version(tmp_path: Path, command: list[str]) -> None:
     done = subprocess.run([*command, "--version"], cwd=tmp_path, capture_output=True, text=True, timeout=120)

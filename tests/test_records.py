@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import mrdamp
 from mrdamp.identify import Fit, RecordError
 from mrdamp.model import Model
 from mrdamp.records import Record, RecordSet, read_record, read_records
@@ -305,14 +304,6 @@ def test_a_record_and_a_fit_are_shown_in_one_line() -> None:
     assert repr(fit) == (
         "Fit(Model('m', bingham, rig damper, effects: none), error 0.250 of 1 fitted, error 0.500 of 1 held out)"
     )
-
-
-def test_what_users_need_is_in_the_package_itself() -> None:
-    for name in mrdamp.__all__:
-        assert getattr(mrdamp, name) is not None
-    assert mrdamp.Record is Record
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = mrdamp.nothing
 
 
 def test_a_record_that_is_there_twice_is_refused(tmp_path: Path) -> None:
