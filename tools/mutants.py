@@ -146,7 +146,7 @@ MUTANTS = (
            ("1 + p.asymmetry_a * t", "1 - p.asymmetry_a * t", "return "),
            ("f * (1 + p.asymmetry_a * t)", "f"),
            ("2 * path / p.asymmetry_travel", "path / p.asymmetry_travel")),
-    *_some("trapped_gas", _E + "fluid.h", _FORMS + " gas_in_series",
+    *_some("trapped_gas", _E + "fluid.h", _FORMS,
            ("1 - p.trapped_gas_d * moving * lost", "1 + p.trapped_gas_d * moving * lost"),
            ("fmax(1 - power, 0.0)", "fmax(1 - 0.5 * power, 0.0)"),
            ("pow(left, p.trapped_gas_shape)", "pow(left, -p.trapped_gas_shape)"),
