@@ -14,7 +14,7 @@ from excitation import Array, Command, Motion, multisine, random_steps, wave
 from storage import dissipated
 from twins import NEUTRAL, simulate
 
-END = 1.6  # s
+END = 1.2  # s
 COARSE = 5e-4  # s, grid of the reference
 
 
