@@ -70,7 +70,7 @@ def test_driven_rig_is_the_chain(id: str, timestep: float) -> None:
 def test_driven_rig_is_the_chain_with_effects(base: str, names: tuple[str, ...]) -> None:
     """But for what the rig does not have: an acceleration of its rod, and a channel that is late.
 
-    A delayed command that jumps within a step, with no lag behind it, is up to 6e-4 off at 5 ms.
+    A record's step is cut where a delayed jump arrives, for the sensor; the rig's is not. A lag hides it.
     """
     without = {"channel_shift"} | (set() if "mount_compliance" in names else {"moving_mass"})
     without |= {"command_delay"} if names[0] == "command_delay" else set()
