@@ -101,7 +101,7 @@ MUTANTS = (
     *_some("modified_bouc_wen", _L + "modified_bouc_wen.h", "laws plugin_physics",
            ("k.c1 * v - k.yield * z - k.k0 * r", "k.c1 * v - k.yield * z + k.k0 * r"),
            ("k.k1 * (x - p.x0)", "k.k1 * x")),
-    *_some("narx", _L + "narx.cc", "laws",
+    *_some("narx", _L + "narx.cc", "narx",
            ("from[0] * force_scale + force_offset", "from[0] * force_scale"),
            ("std::tanh(s)", "std::atan(s)")),
     *_some("dependence on the field", _L + "coefficients.h", "laws effects",
