@@ -33,36 +33,30 @@ COMMANDS = (0.0, 0.5, 1.0)
 
 
 @cache
-def clean(law: str, dt: float, duration: float) -> tuple[tuple[str, Array, float, Array], ...]:
-    """Name, displacement (n,), command and force (n,) of each test, from rest."""
+def clean(law: str, dt: float, duration: float, k: int) -> tuple[str, Array, float, Array]:
+    """Name, displacement (n,), command and force (n,) of a test, from rest."""
+    (amplitude, frequency), command = SINES[k // len(COMMANDS)], COMMANDS[k % len(COMMANDS)]
     t: Array = np.asarray(dt * np.arange(round(duration / dt) + 1), dtype=np.float64)
-    out = []
-    for amplitude, frequency in SINES:
-        motion = sine(amplitude, frequency)
-        for command in COMMANDS:
-            force = simulate(law, TRUE[law], motion, t, constant(command))["force"]
-            out.append((f"{amplitude}_{frequency}_{command}", motion.sample(t)[0], command, force))
-    return tuple(out)
+    motion = sine(amplitude, frequency)
+    force = simulate(law, TRUE[law], motion, t, constant(command))["force"]
+    return f"{amplitude}_{frequency}_{command}", motion.sample(t)[0], command, force
 
 
 def rig_tests(
     law: str, *, seed: int = 0, dt: float = 1e-3, duration: float = 4.0, noise: float = 0.01, late: float = 0.0,
-    chosen: Sequence[int] | None = None,
+    chosen: Sequence[int] = range(9),
 ) -> list[Record]:  # fmt: skip
     """Nine records, or those chosen, with noise of a share of each force's deviation.
 
     late: s, that the recording begins after the motion; duration is what is recorded.
     """
     rng, skip, out = np.random.default_rng(seed), round(late / dt), []
-    for name, x, command, force in clean(law, dt, duration + late):
+    for k in chosen:
+        name, x, command, force = clean(law, dt, duration + late, k)
         measured = (force + noise * np.std(force) * rng.standard_normal(len(force)))[skip:]
-        channels = {
-            "displacement_m": x[skip:],
-            "command": np.full(len(measured), command),
-            "force_N": measured,
-        }
+        channels = {"displacement_m": x[skip:], "command": np.full(len(measured), command), "force_N": measured}
         out.append(Record(name, None, dt, channels))
-    return out if chosen is None else [out[k] for k in chosen]
+    return out
 
 
 def identifiable(law: str) -> dict[str, float]:

@@ -12,11 +12,18 @@ import mujoco
 import numpy as np
 
 from excitation import Array
+from mrdamp import sets
 from mrdamp.model import core
 
 Values = Mapping[str, float | str]
 Numbers = Sequence[float] | Array
 HEAVY = 1e9  # kg: a body that no damper here moves
+BINGHAM = {"c0a": 150.0, "c0b": 80.0, "fya": 40.0, "fyb": 60.0, "v_ref": 0.008}
+BOUC_WEN = {
+    "c0a": 900.0, "c0b": 900.0, "alpha_a": 3e4, "alpha_b": 1e5, "gamma": 9e5, "beta": 4e5, "A": 110.0,
+    "n": 2.0, "k0": 3000.0, "x0": 0.001,
+}  # fmt: skip
+DYKE = {**sets.load("dyke1996_3kN").attributes(), "driver_lag_tau": 0.0}
 ALL_SIGNALS = (
     "force", "charge", "true_force", "applied_force", "unlimited_force", "stroke", "stroke_velocity", "power", "energy",
     "current", "field", "temperature",
@@ -26,6 +33,11 @@ ALL_SIGNALS = (
 def grid(end: float, dt: float) -> Array:
     """Times 0, dt ... end, in s."""
     return np.arange(round(end / dt) + 1, dtype=np.float64) * dt
+
+
+def dashpot(c: float, friction: float = 0.0) -> dict[str, float]:
+    """A Bingham law that no command changes."""
+    return {"c0a": c, "c0b": 0.0, "fya": friction, "fyb": 0.0, "v_ref": 0.01}
 
 
 def config(values: Values) -> str:

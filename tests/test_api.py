@@ -41,7 +41,7 @@ def test_identify_is_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_compare_is_the_command(tmp_path: Path) -> None:
-    motion = kanai_tajimi(5, duration=4.0, rise=0.5, plateau=2.0, decay=0.5)
+    motion = kanai_tajimi(5, duration=2.0, rise=0.3, plateau=1.0, decay=0.3)
     motion.save(tmp_path / "m.csv")
     names = ["passive-on", "passive-off"]
     table = mrdamp.compare("frame", names, [mrdamp.read_motion(tmp_path / "m.csv")], engine="chain")
@@ -77,8 +77,10 @@ def test_packages_are_the_functions_of_their_names() -> None:
     for name in ("identify", "compare", "train"):
         assert getattr(mrdamp, name) is sys.modules[f"mrdamp.{name}"]
         assert callable(getattr(mrdamp, name))
-    with pytest.raises(mrdamp.InputError, match="boat"):
-        mrdamp.compare("boat")
+    refuses(lambda: mrdamp.compare("boat"), "boat")
+    assert all(getattr(mrdamp, name) is not None for name in mrdamp.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = mrdamp.nothing
     text = pydoc.plain(pydoc.render_doc(mrdamp))
     for name in ("identify", "predict", "diagnose", "compare", "train"):
         assert f"mrdamp.{name}(" in text

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from mrdamp import cli, sets
+from mrdamp.commands.completion import script
+from mrdamp.commands.output import progress_bar
 from mrdamp.demo import run as demo
-from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.model.citations import citation
 from mrdamp.records import embedded, read_record
 from mrdamp.simulation.predict import played, write_prediction
 from mrdamp.simulation.stepping import drive_rig
 from refusals import refuses
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture
@@ -36,14 +41,6 @@ def model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
     assert cli.main(["sets", "spencer1997_3kN"]) == 0
     path.write_text(capsys.readouterr().out)
     return path
-
-
-def line(capsys: pytest.CaptureFixture[str]) -> str:
-    """What an error wrote: one line."""
-    text = capsys.readouterr().err
-    assert text.startswith("mrdamp: ")
-    assert text.count("\n") == 1
-    return text
 
 
 def test_predict_writes_the_simulated_channels(record: Path, model: Path, tmp_path: Path) -> None:
@@ -110,64 +107,45 @@ def test_mjcf_writes_a_model_that_loads(
     assert cli.main(["mjcf", "vrths_2022", "-o", str(tmp_path / "other")]) == 0
 
 
-def test_identify_writes_a_model(record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "fit.json"
-    assert cli.main(["identify", str(record), "--law", "bingham", "--starts", "1", "-o", str(out)]) == 0
-    assert "held-out records" in capsys.readouterr().out
-    assert Model.read(out).law == "bingham"
-
-
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("call", "said"),
     [
-        ("", "empty"),
-        ("time_s,displacement_m\n0,0\n1,0\n2,0\n", "command"),
-        ("time_s,displacement_m,command\n0,0,0\n0.1,nan,0\n0.2,0,0\n", "displacement_m"),
-        ("time_s,displacement_m,command\n0,0,0\n0.1,0,0\n0.5,0,0\n0.6,0,0\n", "time_s"),
-        ("time_s,displacement_m,command\n0,0,0\n0.1,0,0\n", "2 samples"),
-        ("time_s,displacement_mm,command\n0,0,0\n0.1,0,0\n0.2,0,0\n", "displacement_m"),
+        ("predict {model} {bad} -o {out}", "bad.csv: missing channel command"),
+        ("predict {here} {record} -o {out}", "case.json"),
+        ("sets ghost", "spencer1997_3kN"),
+        ("citation ghost", "modified_bouc_wen"),
+        ("view {here}/ghost.xml", "ghost.xml"),
+        ("view frame3", "DISPLAY"),
+        ("mjcf {model} -o {model}", "model.json"),
+        ("mjcf {model} -o {model}/below", "model.json"),
     ],
 )
-def test_a_bad_record_is_one_line_and_leaves_nothing(
-    content: str, said: str, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_what_cannot_be_done_is_one_line_and_leaves_nothing(
+    call: str,
+    said: str,
+    record: Path,
+    model: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bad, out = tmp_path / "bad.csv", tmp_path / "pred.csv"
-    bad.write_text(content)
-    assert cli.main(["predict", str(model), str(bad), "-o", str(out)]) == 2
-    text = line(capsys)
-    assert "bad.csv" in text
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    bad, out = tmp_path / "bad.csv", tmp_path / "out.csv"
+    bad.write_text("time_s,displacement_m\n0,0\n1,0\n2,0\n")
+    words = call.format(model=model, record=record, bad=bad, out=out, here=tmp_path).split()
+    assert cli.main(words) == 2
+    text = capsys.readouterr().err
+    assert text.startswith("mrdamp: ")
+    assert text.count("\n") == 1
     assert said in text
     assert not out.exists()
 
 
-def test_a_truncated_gz_is_one_line(
-    record: Path, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    packed = tmp_path / "packed.csv.gz"
-    read_record(record).save(packed)
-    packed.write_bytes(packed.read_bytes()[:200])
-    assert cli.main(["predict", str(model), str(packed), "-o", str(tmp_path / "p.csv")]) == 2
-    assert "packed.csv.gz" in line(capsys)
-
-
-def test_a_model_that_is_none_is_one_line(
-    record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(["predict", str(tmp_path), str(record), "-o", str(tmp_path / "p.csv")]) == 2
-    assert "case.json" in line(capsys)
-    assert cli.main(["sets", "ghost"]) == 2
-    assert "spencer1997_3kN" in line(capsys)
-    assert cli.main(["view", str(tmp_path / "ghost.xml")]) == 2
-    assert "ghost.xml" in line(capsys)
-
-
-def test_view_without_a_display_is_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert cli.main(["view", "frame3"]) == 2
-    assert "DISPLAY" in line(capsys)
+def test_a_negative_seed_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["identify", "records", "--seed", "-1"])
+    assert "allowed: 0 or more" in capsys.readouterr().err
 
 
 def test_plugin_path_names_a_file(capsys: pytest.CaptureFixture[str]) -> None:
@@ -179,13 +157,10 @@ def test_plugin_path_names_a_file(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_demo_runs_and_goes_on_where_it_was(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    records = embedded()
-    for half in ("train", "validation"):
+    for half, records in (("train", embedded().train[1:4]), ("validation", embedded().validation[:2])):
         (tmp_path / "set" / half).mkdir(parents=True)
-    for r in records.train[1:4]:
-        r.part(0.0, 2.0).save(tmp_path / "set" / "train" / f"{r.name}.csv")
-    for r in records.validation[:2]:
-        r.part(0.0, 2.0).save(tmp_path / "set" / "validation" / f"{r.name}.csv")
+        for r in records:
+            r.part(0.0, 2.0).save(tmp_path / "set" / half / f"{r.name}.csv")
     arguments = ["demo", "--data", str(tmp_path / "set"), "--law", "bouc_wen", "-o", str(tmp_path / "out")]
     assert cli.main(arguments) == 0
     said = capsys.readouterr().out
@@ -205,41 +180,6 @@ def test_the_demo_runs_and_goes_on_where_it_was(
     assert Model.read(tmp_path / "out" / "frame" / "model.json").rig == "frame"
 
 
-@pytest.mark.parametrize("where", ["here.json", "here.json/below"])
-def test_a_folder_that_cannot_be_made_is_one_line(
-    where: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    model = tmp_path / "here.json"
-    found = sets.load("dyke1996_3kN")
-    Model(found.law, dict(found.parameters)).write(model)
-    assert cli.main(["mjcf", str(model), "-o", str(tmp_path / where)]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "here.json" in said
-
-
-def test_a_negative_seed_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        cli.main(["identify", "records", "--seed", "-1"])
-    assert "allowed: 0 or more" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"effects": [{"name": "driver_lag", "parameters": {"tau": 0.01}}] * 2}, "driver_lag stands there twice"),
-        ({"structure": {"mass_kg": [1.0]}}, "allowed: rig 'frame'"),
-        ({"parameters": {"c0a": 10**400}}, "allowed: a finite number"),
-    ],
-)
-def test_a_model_file_that_says_two_things(change: dict[str, Any], said: str) -> None:
-    found = sets.load("dyke1996_3kN")
-    data = Model(found.law, dict(found.parameters)).to_dict()
-    data["model"] |= change
-    with pytest.raises(InputError, match=said):
-        Model.from_dict(data)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("module", ["gymnasium", "argparse"])
 def test_an_interrupt_while_modules_are_imported_is_one_line(module: str, tmp_path: Path) -> None:
@@ -251,3 +191,119 @@ def test_an_interrupt_while_modules_are_imported_is_one_line(module: str, tmp_pa
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores it
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (130, "mrdamp: interrupted\n")
+
+
+# --- around the commands: citations, shell completion, plain output --------------------------------------
+
+
+@pytest.mark.parametrize("name", sets.names())
+def test_a_sets_sources_are_cited_once(name: str) -> None:
+    lines, _ = citation(name)
+    assert set(sets.load(name).sources) < set(lines)
+    dois = [doi for line in lines for doi in re.findall(r"doi:(\S+)", line)]
+    assert len(dois) == len(set(dois))
+
+
+def test_citation_prints_bibtex_and_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["citation", "modified_bouc_wen", "--bibtex"]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("@article{spencer1997,\n  author = {Spencer, B. F. and Dyke, S. J.")
+    assert text.count("{") == text.count("}")
+    assert cli.main(["citation", "narx", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["narx"]["references"][0]["year"] == 2015
+
+
+def test_citation_file_is_for_this_version() -> None:
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    version = re.search(r'^version = "(.*)"$', (ROOT / "pyproject.toml").read_text(), re.M)
+    assert version
+    assert f"version: {version[1]}\n" in text
+    for key in ("cff-version: 1.2.0", "message:", "title:", "authors:", "license: Apache-2.0"):
+        assert key in text
+
+
+def complete(*words: str) -> list[str]:
+    """What bash offers for the last word."""
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("bash is not installed")
+    line = "\n".join(script(cli.build_parser(), "bash"))
+    array = " ".join(f"'{word}'" for word in ("mrdamp", *words))
+    ask = f"{line}\nCOMP_WORDS=({array}); COMP_CWORD={len(words)}; _mrdamp; printf '%s\\n' \"${{COMPREPLY[@]}}\""
+    done = subprocess.run([bash, "--norc", "-c", ask], capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+@pytest.mark.slow
+def test_bash_completes_commands_options_choices_and_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "model.json").write_text("{}")
+    monkeypatch.chdir(tmp_path)
+    assert complete("ident") == ["identify"]
+    assert {"demo", "sets", "citation"} <= set(complete(""))
+    assert complete("citation", "--bib") == ["--bibtex"]
+    assert complete("inverse", "model.json", "--command-unit", "") == ["A", "V"]
+    assert complete("predict", "mod") == ["model.json"]
+    assert complete("completion", "z") == ["zsh"]
+
+
+def test_zsh_gets_the_same_through_its_bash_mode() -> None:
+    lines = list(script(cli.build_parser(), "zsh"))
+    assert lines[0] == "autoload -Uz bashcompinit && bashcompinit"
+    assert lines[1:] == list(script(cli.build_parser(), "bash"))
+
+
+def test_every_command_has_an_example() -> None:
+    (commands,) = (a for a in cli.build_parser()._actions if hasattr(a, "choices") and a.choices)
+    assert isinstance(commands.choices, dict)
+    for name, command in commands.choices.items():
+        assert (command.epilog or "").startswith(f"example: mrdamp {name}"), name
+
+
+@pytest.mark.slow
+def test_no_color_is_respected() -> None:
+    code = (
+        "from mrdamp.commands.output import progress_bar\n"
+        "with progress_bar() as tell:\n    tell('working', 0.5)\n    tell('working', 1.0)\n"
+    )
+    colour = re.compile(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|[34]8;)[0-9;]*m")
+    for no_color, coloured in (("1", False), ("", True)):
+        environment = {**os.environ, "FORCE_COLOR": "1", "TERM": "xterm-256color", "NO_COLOR": no_color}
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True
+        )
+        assert "working" in done.stderr
+        assert bool(colour.search(done.stderr)) is coloured
+
+
+def test_progress_without_a_terminal_is_a_line_a_step_and_a_tenth(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_bar() as tell:
+        for share in (0.0, 0.04, 0.11, 0.2, 0.22):
+            tell("runs", share)
+        tell("page", 0.23)
+    assert capsys.readouterr().err.split("\n") == [
+        "  0 %  runs",
+        " 11 %  runs",
+        " 22 %  runs",
+        " 23 %  page",
+        "",
+    ]
+
+
+@pytest.mark.slow
+def test_a_reader_that_goes_leaves_no_traceback() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    call = [sys.executable, "-m", "mrdamp.cli", "sets", "--json"]
+    done = subprocess.run(call, stdout=write, stderr=subprocess.PIPE, text=True, timeout=60)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_sets_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["sets", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["id"] for row in rows] == list(sets.names())
+    assert all(row["sources"] for row in rows)

@@ -1,16 +1,18 @@
-"""Coefficients that follow the command: straight, quadratic, saturating; the way back from attributes; far starts."""
+"""Coefficients that follow the command: straight, quadratic, saturating, as lines; the way back from attributes."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from mrdamp.errors import InputError
 from mrdamp.identify import compare_dependences, identify
+from mrdamp.identify.by_command import constant_groups, identify_by_command
 from mrdamp.identify.laws import DEPENDENCES, Scales, parametric, space
 from mrdamp.model import core
 from mrdamp.model.core import Array
-from sine_records import grid, straight
+from mrdamp.pictures.identification import parameter_lines
+from refusals import refuses
+from sine_records import Curve, bingham_record, grid, straight, viscous
 
 
 def bent(u: Array) -> Array:
@@ -21,17 +23,17 @@ def saturated(u: Array) -> Array:
     return np.asarray(30.0 + 350.0 * (1 - np.exp(-2.5 * u)))
 
 
-def test_a_quadratic_dependence_is_found() -> None:
-    fit = identify("bingham", grid(bent), dependence="quadratic", starts=1)
-    p = fit.model.parameters
-    assert (p["fya"], p["fyb"], p["fyc"]) == pytest.approx((30.0, 500.0, -180.0), rel=0.04)
+@pytest.mark.parametrize(
+    ("curve", "dependence", "true"),
+    [
+        (bent, "quadratic", {"fya": 30.0, "fyb": 500.0, "fyc": -180.0}),
+        (saturated, "saturating", {"fya": 30.0, "fyb": 0.0, "fye": 350.0, "fyr": 2.5}),
+    ],
+)
+def test_a_dependence_is_found(curve: Curve, dependence: str, true: dict[str, float]) -> None:
+    p = identify("bingham", grid(curve), dependence=dependence, starts=1).model.parameters
+    assert {name: p[name] for name in true} == pytest.approx(true, rel=0.06)
     assert p["c0a"] == pytest.approx(400.0, rel=0.05)
-
-
-def test_a_saturating_dependence_is_found() -> None:
-    p = identify("bingham", grid(saturated), dependence="saturating", starts=1).model.parameters
-    assert (p["fya"], p["fye"], p["fyr"]) == pytest.approx((30.0, 350.0, 2.5), rel=0.06)
-    assert p["fyb"] == 0.0
 
 
 def test_a_curve_that_bends_both_ways_is_met_at_four_commands() -> None:
@@ -41,13 +43,10 @@ def test_a_curve_that_bends_both_ways_is_met_at_four_commands() -> None:
         return np.asarray(30.0 + 400.0 * u**2 / (u**2 + 0.3))
 
     records = grid(s_shaped, (0.0, 0.25, 0.5, 1.0))
-    errors = {
-        d: identify("bingham", records, dependence=d, starts=1).train_nrmse for d in list(DEPENDENCES)[1:]
-    }
-    assert errors["quadratic_saturating"] < 0.5 * min(
-        errors[d] for d in ("linear", "quadratic", "saturating")
-    )
-    p = identify("bingham", records, dependence="quadratic_saturating", starts=1).model.parameters
+    fits = {d: identify("bingham", records, dependence=d, starts=1) for d in list(DEPENDENCES)[1:]}
+    best = fits.pop("quadratic_saturating")
+    assert best.train_nrmse < 0.5 * min(fit.train_nrmse for fit in fits.values())
+    p = best.model.parameters
     for u in (0.0, 0.25, 0.5, 1.0):
         value = p["fya"] + p["fyb"] * u + p["fyc"] * u * u + p["fye"] * (1 - np.exp(-p["fyr"] * u))
         assert value == pytest.approx(float(s_shaped(np.array(u))), abs=8.0), u
@@ -61,37 +60,19 @@ def test_the_right_dependence_is_best_on_records_held_out() -> None:
     assert errors["linear"] > 2 * errors["quadratic"] > 2 * errors["saturating"]
 
 
-@pytest.mark.parametrize("law", parametric())
-@pytest.mark.parametrize("dependence", DEPENDENCES)
-def test_attributes_lead_back_to_their_point(law: str, dependence: str) -> None:
-    search = space(law, Scales(500.0, 0.1, 0.01, 1.2, 0.1), ("offset", "driver_lag"), dependence)
-    point = np.linspace(0.2, 0.7, len(search.coordinates))
-    back = search.point(search.attributes(point))
-    assert back == pytest.approx(point, abs=1e-9)
-
-
-@pytest.mark.parametrize("factor", [0.6, 1.4])
-def test_a_start_forty_percent_off_arrives(factor: float) -> None:
-    true = {"c0a": 400.0, "c0b": 250.0, "fya": 40.0, "fyb": 300.0, "v_ref": 0.01}
-    start = {name: factor * value for name, value in true.items()} | {"gas_spring_f0": factor * 12.0}
-    fit = identify("bingham", grid(straight), start=start, starts=1)
-    for name, value in true.items():
-        assert fit.model.parameters[name] == pytest.approx(value, rel=0.03, abs=1.0), name
-
-
 def test_no_slope_from_a_command_that_never_varies() -> None:
     still = grid(straight, (0.8,))
     fit = identify("bingham", still, starts=1)
     assert fit.model.parameters["fya"] == pytest.approx(40.0 + 0.8 * 300.0, rel=0.02)
     assert fit.model.parameters["fyb"] == 0.0
-    with pytest.raises(InputError, match="never varies"):
-        identify("bingham", still, dependence="linear")
-    with pytest.raises(InputError, match="2 different commands; a quadratic"):
-        identify("bingham", grid(straight, (0.0, 0.8)), dependence="quadratic")
-    with pytest.raises(InputError, match=r"3 different commands; a quadratic_saturating .* needs 4"):
-        identify("bingham", grid(straight, (0.0, 0.4, 0.8)), dependence="quadratic_saturating")
-    with pytest.raises(InputError, match="allowed: constant, linear"):
-        identify("bingham", still, dependence="cubic")
+    for commands, dependence, said in (
+        ((0.8,), "linear", "never varies"),
+        ((0.0, 0.8), "quadratic", "2 different commands; a quadratic"),
+        ((0.0, 0.4, 0.8), "quadratic_saturating", "3 different commands; a quadratic_saturating .* needs 4"),
+        ((0.8,), "cubic", "allowed: constant, linear"),
+    ):
+        train = grid(straight, commands)
+        refuses(lambda t=train, d=dependence: identify("bingham", t, dependence=d), said)  # type: ignore[misc]
 
 
 @pytest.mark.parametrize("dependence", list(DEPENDENCES)[1:])
@@ -106,3 +87,40 @@ def test_records_that_hold_no_small_command_give_laws_that_the_chain_takes(law: 
         core.vector(law, attributes)  # raises where the chain refuses it
         back = search.attributes(search.point(attributes))
         assert back == pytest.approx(attributes, rel=1e-6, abs=1e-6)
+
+
+# --- one fit per constant command, and lines through the parameters ----------------------------------
+
+
+def test_the_lines_are_those_of_the_damper() -> None:
+    train = grid(straight, (0.0, 0.6, 1.2))
+    held = [bingham_record("h", 0.006, 1.5, 0.9, viscous, straight, 99)]
+    found = identify_by_command("bingham", train, held, starts=1)
+    p = found.fit.model.parameters
+    assert (p["fya"], p["fyb"]) == pytest.approx((40.0, 300.0), rel=0.03)
+    assert (p["c0a"], p["c0b"]) == pytest.approx((400.0, 250.0), rel=0.06)
+    assert found.fit.model.attributes["gas_spring_f0"] == pytest.approx(12.0, abs=0.5)
+    assert found.fit.held_out_nrmse < 0.02
+    lines = {line.parameter: line for line in found.lines}
+    assert lines["fya"].commands == (0.0, 0.6, 1.2)
+    assert lines["fya"].values == pytest.approx([40.0, 220.0, 400.0], rel=0.05)
+    assert set(lines) == {"c0a", "fya"}
+    assert [model.parameters["v_ref"] for _, model, _ in found.at] == [p["v_ref"]] * 3
+    shown = [lines[name] for name in ("c0a", "fya")]
+    fig = parameter_lines(
+        [line.parameter for line in shown],
+        ["N s/m", "N"],
+        np.array(shown[0].commands),
+        [np.array(line.values) for line in shown],
+        [(line.zero, line.slope) for line in shown],
+    )
+    points = fig.axes[1].get_lines()[1]
+    assert points.get_ydata() == pytest.approx(shown[1].values)
+
+
+def test_records_with_a_varying_command_are_left_out() -> None:
+    varying = bingham_record("v", 0.004, 2.0, np.repeat([0.0, 1.2], 500), viscous, straight, 5)
+    groups = constant_groups([*grid(straight, (0.4, 0.8)), varying])
+    assert [(u, len(records)) for u, records in groups] == [(0.4, 2), (0.8, 2)]
+    said = "need 2 constant commands; the records have 1"
+    refuses(lambda: identify_by_command("bingham", [*grid(straight, (0.4,)), varying]), said)

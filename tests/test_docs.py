@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import shlex
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -83,3 +84,29 @@ def test_every_page_is_in_the_site() -> None:
     nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").split("\nnav:\n", 1)[1]
     listed = set(re.findall(r"[\w/-]+\.md", nav))
     assert listed == {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").glob("**/*.md")}
+
+
+def test_the_readmes_damper_in_ones_own_mjcf(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (xml,), (python,) = (blocks(ROOT / "README.md", language) for language in ("xml", "python"))
+    (tmp_path / "damper.xml").write_text(xml)
+    shutil.copy(ROOT / "models_xml" / "dampers" / "dyke1996_3kN.xml", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(python, "README.md", "exec"), {})
+    force, unit = capsys.readouterr().out.split()
+    assert float(force) < 0  # it resists the motion
+    assert unit == "N"
+
+
+def test_figures_beside_the_alternatives_stand_on_the_pages_they_link() -> None:
+    page = ROOT / "docs" / "alternatives.md"
+    table = page.read_text(encoding="utf-8").split("\n## ")[0]
+    checked = 0
+    for row in (line for line in table.splitlines() if line.startswith("| ")):
+        measured = row.split("|")[3]
+        links = re.findall(r"\]\(([^)]*)\)", measured)
+        for figure in re.findall(r"\d+\.\d+ ?[x%]", measured.split("(")[0]):
+            assert any(figure in (page.parent / link).read_text(encoding="utf-8") for link in links), figure
+            checked += 1
+    assert checked >= 10

@@ -7,11 +7,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim, lti
 
-from dampers import attributes, rms, sample
-from excitation import multisine, wave
+from dampers import rms
 from form_runs import BINGHAM, DT, STEP, T, X, run
+from mjcf_builders import dashpot
 from mrdamp.model import core
-from twins import simulate
 
 
 def test_gas_spring_has_a_cubic_part() -> None:
@@ -60,9 +59,7 @@ def test_extension_and_compression_differ_by_the_part() -> None:
     late = (T > 0.05) & (T < 0.99)
 
     def error(**effect: float) -> float:
-        force = core.run("hyperbolic_tangent", law | effect, DT, X, v, substep=1e-4, columns=("force",))[
-            "force"
-        ]
+        force = core.run("hyperbolic_tangent", law | effect, DT, X, v, substep=1e-4)["force"]
         return rms(force[late] - expected[late]) / rms(expected[late])
 
     assert error(**shares) < 0.005
@@ -111,27 +108,6 @@ def test_viscosity_falls_by_its_exponent(m: float, shape: float) -> None:
     assert np.abs(expected(1.1 * shape) - lost).max() > 0.2  # another exponent would be seen
 
 
-@pytest.mark.parametrize("law", ["modified_bouc_wen", "hyperbolic_tangent"])
-def test_the_dashpot_in_series_thins_too(law: str) -> None:
-    """Against SciPy; with half the share, or with c0 alone, the force is another one."""
-    parameters = {
-        "modified_bouc_wen": attributes("dyke1996_3kN") | {"driver_lag_tau": 0.0},
-        "hyperbolic_tangent": attributes("zapateiro_foam_tanh") | {"c1a": 400.0, "c1b": 0.0},
-    }[law]
-    thin = {"shear_thinning_m": 0.1, "shear_thinning_v_s": 0.01, "shear_thinning_shape": 1.2}
-    motion, u, t = multisine(0.003, 0.5, 7.0, seed=4), wave(0.4, 2.0, 1.1), np.arange(0.0, 1.0, 1e-3)
-
-    def force(share: float) -> np.ndarray:
-        record = sample(motion, u, 1e-3, t[-1])
-        return record.run(law, {**parameters, **thin, "shear_thinning_series": share}, ("force",))["force"]
-
-    expected = simulate(law, {**parameters, **thin, "shear_thinning_series": 1.0}, motion, t, u)["force"]
-    error = {share: rms(force(share) - expected) / rms(expected) for share in (0.0, 0.5, 1.0)}
-    assert error[1.0] < 0.005
-    assert error[0.5] > 0.02
-    assert error[0.0] > 0.04
-
-
 def test_seal_slips_at_once_over_a_small_velocity() -> None:
     coulomb, breakaway, v_s, width = 40.0, 1.5, 0.02, 0.004
     seal = {"seal_friction_coulomb": coulomb, "seal_friction_breakaway": breakaway, "seal_friction_v_s": v_s}
@@ -164,7 +140,7 @@ def test_a_mass_beyond_the_mount_follows_the_rod() -> None:
     a = np.gradient(np.gradient(X, DT, edge_order=2), DT, edge_order=2)
 
     def force(**other: float) -> np.ndarray:
-        run = core.run("bingham", law | mount | other, DT, X, u=0.0, a=a, columns=("force",))
+        run = core.run("bingham", law | mount | other, DT, X, u=0.0, a=a)
         return np.asarray(run["force"])
 
     beyond = force(moving_mass_m=20.0, moving_mass_beyond=1.0)
@@ -242,16 +218,11 @@ def test_heat_flows_from_the_fluid_to_its_body() -> None:
 
 def test_a_pocket_loses_by_the_velocity() -> None:
     loss, reach, length, width = 0.6, 0.008, 0.003, 0.02
-    gas = {
-        "trapped_gas_d": loss,
-        "trapped_gas_reach": reach,
-        "trapped_gas_s_g": length,
-        "trapped_gas_shape": 1.5,
-    }
-    x, v = X, 0.03 * np.pi * np.cos(3 * np.pi * T)
+    gas = {"trapped_gas_d": loss, "trapped_gas_reach": reach, "trapped_gas_s_g": length, "trapped_gas_shape": 1.5}
+    v = 0.03 * np.pi * np.cos(3 * np.pi * T)
     plain, with_gas = run("force"), run("force", trapped_gas_width=width, **gas)
     pocket = [0.0]
-    for step in np.diff(x):
+    for step in np.diff(X):
         pocket.append(min(max(pocket[-1] + step, 0.0), reach))
     expected = 1 - loss * np.tanh(np.maximum(v, 0) / width) * np.exp(-((np.array(pocket) / length) ** 1.5))
     np.testing.assert_allclose((plain * expected)[5:-5], with_gas[5:-5], atol=0.005 * plain.max())
@@ -272,8 +243,8 @@ def test_a_pocket_opens_in_its_own_time(side: float) -> None:
 
     share = solve_ivp(rate, (0, T[-1]), [1.0], t_eval=T, max_step=1e-3, rtol=1e-6).y[0]
     expected = 1 - loss * np.tanh(np.maximum(side * v, 0) / width) * np.maximum(share, 0)
-    plain = core.run("bingham", BINGHAM, DT, X, v, u=0.5, columns=("force",))["force"]
-    force = core.run("bingham", BINGHAM | gas, DT, X, v, u=0.5, columns=("force",))["force"]
+    plain = core.run("bingham", BINGHAM, DT, X, v, u=0.5)["force"]
+    force = core.run("bingham", BINGHAM | gas, DT, X, v, u=0.5)["force"]
     np.testing.assert_allclose(force[5:-5], (plain * expected)[5:-5], atol=0.005 * plain.max())
     assert share[T > 0.4].min() < 0.1
     assert share[T > 0.4].max() < 0.9  # it does not open whole in half a period
@@ -296,9 +267,82 @@ def test_gas_carries_its_pressure_until_it_is_pressed_together() -> None:
 def test_a_late_reading_goes_on_beyond_the_record() -> None:
     """What a record's end does not show is taken to go on: standing still there, the last samples would be far off."""
     shift, v = 0.004, 0.03 * np.pi * np.cos(3 * np.pi * T)
-    late = core.run("bingham", {**BINGHAM, "channel_shift_d": shift}, DT, X, v, u=0.5, columns=("force",))[
-        "force"
-    ]
+    late = core.run("bingham", {**BINGHAM, "channel_shift_d": shift}, DT, X, v, u=0.5)["force"]
     there = 0.03 * np.pi * np.cos(3 * np.pi * (T + shift))
     expected = 950 * there + 250 * np.tanh(there / 0.004)
     np.testing.assert_allclose(late[-8:], expected[-8:], atol=0.02 * np.abs(expected).max())
+
+
+# --- gas in series with the fluid: its differential equation in SciPy ---------------------------------
+
+C = 4000.0  # N s/m, a dashpot
+LAW = dashpot(C)
+FORCE, LENGTH, EXPONENT, WIDTH = 60.0, 0.003, 1.3, 0.02
+GAS = {"trapped_gas_series": 1.0, "trapped_gas_force": FORCE, "trapped_gas_s_g": LENGTH}
+GAS |= {"trapped_gas_shape": EXPONENT, "trapped_gas_width": WIDTH}
+OMEGA = 3 * np.pi
+V = 0.01 * OMEGA * np.cos(OMEGA * T)
+
+
+def gas(q: float) -> float:
+    return float(FORCE * ((1 - min(q / LENGTH, 1 - 1e-9)) ** -EXPONENT - 1))
+
+
+def simulated(step: float | None = None, **other: float) -> np.ndarray:
+    return core.run("bingham", LAW | GAS | other, DT, X, V, substep=step)["force"]
+
+
+def one_sided(side: float) -> np.ndarray:
+    """q' = (v - F(q) / c) / w while the rod or the gas presses, v towards the pocket."""
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        v = side * 0.01 * OMEGA * np.cos(OMEGA * t)
+        q = max(y[0], 0.0)
+        share = 0.5 * (1 + np.tanh(v / WIDTH))
+        return [(v - gas(q) / C) / share if q > 0 or v > 0 else 0.0]
+
+    q = solve_ivp(rate, (0, T[-1]), [0.0], "Radau", t_eval=T, max_step=1e-3, rtol=1e-8, atol=1e-12).y[0]
+    v = side * V
+    return side * np.where((q > 1e-9) | (v > 0), [gas(max(k, 0.0)) for k in q], C * v)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_fluid_moves_less_while_gas_is_pressed(side: float) -> None:
+    expected = one_sided(side)
+
+    def error(**other: float) -> float:
+        return rms(simulated(trapped_gas_direction=side, **other) - expected) / rms(expected)
+
+    assert error() < 0.01
+    assert error(trapped_gas_shape=1.5 * EXPONENT) > 0.02
+    assert error(trapped_gas_s_g=1.3 * LENGTH) > 0.02
+    assert error(trapped_gas_width=4 * WIDTH) > 0.012
+    assert error(trapped_gas_series=0.0) > 0.05
+
+
+@pytest.mark.parametrize("k", [0.0, 2e5])
+def test_gas_on_both_sides_is_a_spring_ahead_of_the_fluid(k: float) -> None:
+    """With a mount's spring too: (dq/dF + 1 / k) F' = v - F / c."""
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        v = 0.01 * OMEGA * np.cos(OMEGA * t)
+        give = LENGTH / (EXPONENT * FORCE) * (1 + abs(y[0]) / FORCE) ** (-1 / EXPONENT - 1)
+        return [(v - y[0] / C) / (give + (1 / k if k else 0.0))]
+
+    y = solve_ivp(rate, (0, T[-1]), [0.0], "Radau", t_eval=T, rtol=1e-8, atol=1e-8).y[0]
+    mount = {"mount_compliance_k": k}
+    assert rms(simulated(trapped_gas_direction=0.0, **mount) - y) < 0.005 * rms(y)
+    assert rms(simulated(trapped_gas_direction=0.0, mount_compliance_k=4e4) - y) > 0.02 * rms(y)
+
+
+@pytest.mark.parametrize("law", [LAW, {**LAW, "fya": 200.0, "v_ref": 0.0}])
+def test_step_of_the_chain_matters_little(law: dict[str, float]) -> None:
+    """Dry friction too: where the rod turns the fluid sticks and the gas gives."""
+
+    def run(step: float, **other: float) -> np.ndarray:
+        settings = law | GAS | other
+        return core.run("bingham", settings, 1e-3, X[::2], V[::2], substep=step)["force"]
+
+    for mount in ({}, {"mount_compliance_k": 5e5}):
+        fine, coarse = run(2e-5, **mount), run(1e-3, **mount)
+        assert rms(coarse - fine) < 0.02 * rms(fine)

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from dampers import attributes, grid, rms, sample
-from excitation import Array, Command, Motion, constant, multisine, random_steps, sine, wave
-from storage import dissipated, work
+from excitation import Array, Command, Motion, multisine, random_steps, wave
+from storage import dissipated
 from twins import NEUTRAL, simulate
 
-END = 1.6  # s
+END = 1.2  # s
 COARSE = 5e-4  # s, grid of the reference
 
 
@@ -60,11 +60,11 @@ def command(base: Base, kind: str) -> Command:
     return wave(low, base.command, 1.1)
 
 
-def effect(name: str, base: Base) -> dict[str, float]:
-    """Attributes of an effect, strong enough to be seen on this damper."""
+def forms(base: Base) -> dict[str, dict[str, float]]:
+    """Effects with the ends of their attributes' names, strong enough to be seen on this damper."""
     f, s, u = base.force, base.stroke, base.command
     heat = {"capacity": f * SPEED * 2.0 / 20.0, "loss": f * SPEED / 60.0}
-    forms: dict[str, dict[str, float]] = {
+    return {
         "driver_lag": {"tau": 0.02},
         "driver_lag two poles": {"tau": 0.015, "tau2": 0.008},
         "command_delay": {"d": 0.0337},
@@ -98,19 +98,21 @@ def effect(name: str, base: Base) -> dict[str, float]:
         "channel_shift": {"d": 0.012},
         "channel_shift early": {"d": -0.0083},
     }
-    key = name.split()[0]
-    return {f"{key}_{parameter}": number for parameter, number in forms[name].items()}
 
 
-ALONE = (
-    "driver_lag", "driver_lag two poles", "command_delay", "command_delay steps", "saturation",
-    "saturation Froehlich",
-    "saturation square", "saturation full", "remanence", "heating", "heating warm start", "asymmetry", "asymmetry wide",
-    "shear_thinning", "shear_thinning Cross", "shear_thinning of both dashpots", "trapped_gas",
-    "trapped_gas compression", "trapped_gas both", "gas_spring",
-    "seal_friction", "seal_friction Stribeck", "moving_mass", "mount_compliance", "backlash", "sensor_gain",
-    "sensor_offset", "sensor_leakage", "sensor_lag", "sensor_lag two poles", "channel_shift",
-    "channel_shift early",
+def with_effects(base: Base, *names: str) -> dict[str, float]:
+    """Attributes of the damper with effects of the table above."""
+    attributes, table = dict(base.parameters), forms(base)
+    for name in names:
+        attributes |= {f"{name.split()[0]}_{parameter}": number for parameter, number in table[name].items()}
+    return attributes
+
+
+ALONE = tuple(forms(BASES["bingham"]))
+#: Effects around the law, tried with one law alone; each is tried with every law together with others.
+AROUND = (
+    "driver", "command", "saturation", "remanence", "gas_spring", "seal", "moving", "mount", "backlash", "sensor",
+    "channel",
 )  # fmt: skip
 TOGETHER = (
     ("driver_lag", "saturation", "remanence", "sensor_gain"),
@@ -128,21 +130,14 @@ TOGETHER = (
 @cache
 def twin(base: str, names: tuple[str, ...], kind: str) -> dict[str, Array]:
     b = BASES[base]
-    attributes = dict(b.parameters)
-    for name in names:
-        attributes |= effect(name, b)
-    t = grid(COARSE, END)
-    return simulate(b.law, attributes, motion(), t, command(b, kind))
+    return simulate(b.law, with_effects(b, *names), motion(), grid(COARSE, END), command(b, kind))
 
 
 def run(
     base: str, names: tuple[str, ...], kind: str, dt: float, columns: tuple[str, ...]
 ) -> dict[str, Array]:
     b = BASES[base]
-    attributes = dict(b.parameters)
-    for name in names:
-        attributes |= effect(name, b)
-    return sample(motion(), command(b, kind), dt, END).run(b.law, attributes, columns)
+    return sample(motion(), command(b, kind), dt, END).run(b.law, with_effects(b, *names), columns)
 
 
 def compare(base: str, names: tuple[str, ...], kind: str, dt: float, limit: float) -> None:
@@ -160,23 +155,24 @@ def compare(base: str, names: tuple[str, ...], kind: str, dt: float, limit: floa
         assert error < limit, f"{name}: {error:.4f}"
 
 
-@pytest.mark.parametrize("name", ALONE)
-@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize(
+    ("base", "name"),
+    [(b, name) for b in BASES for name in ALONE if b == "bouc_wen" or not name.startswith(AROUND)],
+)
 def test_effect_alone(base: str, name: str) -> None:
     kind = "steps" if name.startswith("driver_lag") or name.endswith("steps") else "wave"
     expected = twin(base, (name,), kind)["force"]
     plain = twin(base, (), kind)["force"]
     seen = rms(expected - plain) / rms(plain)
     assert seen > 0.03, f"the effect is too weak here for the test to mean anything: {seen:.4f}"
-    for dt in (5e-4, 1e-3, 2e-3):
+    for dt in (5e-4, 2e-3):
         compare(base, (name,), kind, dt, 0.01)
 
 
 @pytest.mark.parametrize("names", TOGETHER, ids="+".join)
 @pytest.mark.parametrize("base", BASES)
 def test_effects_together(base: str, names: tuple[str, ...]) -> None:
-    for dt in (1e-3, 2e-3):
-        compare(base, names, "wave", dt, 0.01)
+    compare(base, names, "wave", 2e-3, 0.01)
 
 
 @pytest.mark.parametrize("base", BASES)
@@ -217,90 +213,23 @@ def test_fluid_effects_leave_bingham_passive(name: str) -> None:
     assert np.all(columns["true"] * motion().sample(grid(1e-3, END))[1] >= 0.0)
 
 
-FIELD, WARM, SEAL = (
-    ("driver_lag", "saturation", "remanence"),
-    ("shear_thinning", "heating"),
-    ("seal_friction",),
-)
+FIELD, WARM = ("driver_lag", "saturation", "remanence"), ("shear_thinning", "heating")
 
 
-@pytest.mark.parametrize(
-    ("base", "names"),
-    [
-        ("bouc_wen", FIELD),
-        ("bouc_wen", WARM),
-        ("bouc_wen", SEAL),
-        ("modified_bouc_wen", FIELD),
-        ("modified_bouc_wen", WARM),
-        ("hyperbolic_tangent", FIELD),
-        ("hyperbolic_tangent", WARM),
-        ("hyperbolic_tangent", SEAL),
-    ],
-)
+@pytest.mark.parametrize("names", [FIELD, WARM, ("seal_friction",)], ids="+".join)
+@pytest.mark.parametrize("base", ["bouc_wen", "modified_bouc_wen", "hyperbolic_tangent"])
 def test_effects_that_keep_the_power_balance(base: str, names: tuple[str, ...]) -> None:
-    """What is not stored in the law turns into heat, with the coefficients as the effects leave them.
-
-    With a seal beside it, modified_bouc_wen's inner displacement cannot be told from the force.
-    """
+    """What is not stored in the law turns into heat, with the coefficients as the effects leave them."""
+    if base == "modified_bouc_wen" and "seal_friction" in names:
+        return  # with a seal beside it, its inner displacement cannot be told from the force
     b, dt = BASES[base], 2e-4
-    attributes = dict(b.parameters)
-    for name in names:
-        attributes |= effect(name, b)
+    attributes = with_effects(b, *names)
     columns = run(base, names, "wave", dt, ("true", "field", "state", "temperature"))
     x, v, _ = motion().sample(grid(dt, END))
     heat = dissipated(b.law, attributes, dt, x, v, columns)
     throughput = np.sum(np.abs(columns["true"] * v)) * dt
     assert heat[-1] > 0.3 * throughput
-    slack = effect("seal_friction", b)["seal_friction_coulomb"] * 2e-5 if "seal_friction" in names else 0.0
+    slack = attributes.get("seal_friction_coulomb", 0.0) * 2e-5
     assert np.max(np.maximum.accumulate(heat) - heat) < 3e-3 * throughput + slack
 
 
-@pytest.mark.parametrize(
-    ("extra", "side"),
-    [
-        ({"asymmetry_a": 0.3, "asymmetry_width": 1e-5}, -1.0),
-        ({"trapped_gas_d": 0.6, "trapped_gas_s_g": 0.01}, 1.0),
-    ],
-    ids=["asymmetry", "trapped_gas"],
-)
-def test_effects_that_break_the_power_balance(extra: dict[str, float], side: float) -> None:
-    """Strokes below yield, on one side: strained with the weaker factor, let go with the stronger."""
-    b, dt, amplitude = BASES["bouc_wen"], 2e-4, 1e-4
-    nearly_elastic = {
-        "c0a": 0.0,
-        "c0b": 0.0,
-        "x0": 0.0,
-        "A": 1.0,
-        "gamma": 2e4,
-        "beta": 2e4,
-    }  # yields at 5 mm
-    parameters = {**b.parameters, **nearly_elastic, "alpha_a": 1e6, "alpha_b": 0.0}
-    shift = sine(side * amplitude, 1.0, phase=-np.pi / 2.0, offset=side * amplitude)
-    record = sample(shift, constant(1.0), dt, 1.0)
-
-    def taken(attributes: Mapping[str, float]) -> float:
-        return float(work(record.run(b.law, attributes, ("true",))["true"], record.v, dt)[-1])
-
-    strain = 0.5 * 1e6 * (2.0 * amplitude) ** 2  # alpha A x^2 / 2
-    assert 0.0 <= taken(parameters) < 0.1 * strain
-    assert taken({**parameters, **extra}) < -0.3 * strain
-
-
-@pytest.mark.parametrize("base", ["bouc_wen", "hyperbolic_tangent"])
-def test_mechanical_effects_give_back_what_they_stored(base: str) -> None:
-    """Spring and mass return all of their energy over a whole period, the seal takes Coulomb's work."""
-    b, dt = BASES[base], 2e-4
-    extra = effect("gas_spring", b) | effect("moving_mass", b) | effect("seal_friction", b)
-    record = sample(sine(0.004, 2.0), constant(b.command), dt, 3.0)
-    period = round(0.5 / dt)
-
-    def cycle(parameters: Mapping[str, float]) -> float:
-        reference = record.run(b.law, parameters, ("reference",))["reference"]
-        taken = work(reference, record.v, dt)
-        return float(taken[5 * period] - taken[4 * period])
-
-    plain, loaded = cycle(b.parameters), cycle({**b.parameters, **extra})
-    coulomb = extra["seal_friction_coulomb"]
-    assert plain > 0.0
-    # Coulomb friction over four strokes of 4 mm, less what presliding saves at the reversals
-    assert loaded - plain == pytest.approx(4.0 * 0.004 * coulomb, rel=0.03)

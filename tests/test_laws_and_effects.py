@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from dampers import rms
 from excitation import Array, multisine, wave
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms
 from mrdamp.diagnosis.hypotheses.terms import STAGES, Sizes, Term
@@ -45,10 +46,6 @@ def sampled(dt: float, end: float = 2.0) -> tuple[Array, Array, Array, Array]:
 def run(law: str, settings: dict[str, float], dt: float = DT) -> dict[str, Array]:
     x, v, a, u = sampled(dt)
     return core.run(law, damper(law) | settings, dt, x, v, a, u, columns=COLUMNS)
-
-
-def rms(x: Array) -> float:
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def settings_of(term: Term, start: tuple[float, ...]) -> dict[str, float]:

@@ -101,101 +101,50 @@ def test_import_loads_nothing_heavy(tmp_path: Path) -> None:
         assert python(f"import {name}, sys; print(sorted({heavy} & set(sys.modules)))", tmp_path) == "[]"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("first", ["mrdamp, gymnasium", "gymnasium, mrdamp", "gymnasium, mrdamp.cli, mujoco"])
-def test_import_of_the_package_registers_the_environments(tmp_path: Path, first: str) -> None:
-    code = (
-        f"import {first}\n"
-        "for name in ('mrdamp/Frame-v0', 'mrdamp/Cable-v0'):\n"
-        "    env = gymnasium.make(name)\n"
-        "    env.reset(seed=1)\n"
-        "    print(env.spec.id)"
-    )
-    assert python(code, tmp_path).split() == ["mrdamp/Frame-v0", "mrdamp/Cable-v0"]
-
-
-@pytest.mark.slow
-def test_environments_need_no_import_with_the_package_in_the_id(tmp_path: Path) -> None:
-    assert python("import gymnasium as g; print(g.make('mrdamp:mrdamp/Frame-v0').spec.id)", tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("first", ["mrdamp", "mujoco, mrdamp", "mrdamp, mujoco", "mrdamp.cli"])
-def test_import_from_anywhere_registers_the_plugins(tmp_path: Path, first: str) -> None:
-    code = f"import {first}, mujoco; print(mujoco.MjModel.from_xml_string('''{MODEL}''').nq)"
-    assert python(code, tmp_path) == "1"
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.slow
-def test_import_of_mujoco_alone_registers_the_plugins(tmp_path: Path) -> None:
-    # by the entry point; so `python -m mujoco.viewer` and other people's programs open a model with a damper
-    code = f"import mujoco; print(mujoco.MjModel.from_xml_string('''{MODEL}''').nq)"
-    assert python(code, tmp_path) == "1"
-
-
-OTHER_ENGINE = """
-import sys
-sys.path.insert(0, {folder!r})
-{then}
-"""
+OPENED = f"print(mujoco.MjModel.from_xml_string('''{MODEL}''').nq)"
+MADE = "[print(gymnasium.make(f'mrdamp/{name}-v0').spec.id) for name in ('Frame', 'Cable')]"
+NAMES = "mrdamp/Frame-v0\nmrdamp/Cable-v0"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "then",
+    ("code", "printed"),
     [
-        "import mujoco, mrdamp",
-        "import mrdamp.model.native; mrdamp.model.native.library()",
-        "import mrdamp; mrdamp.load_plugin()",
+        *((f"import {first}; {MADE}", NAMES) for first in ("mrdamp, gymnasium", "gymnasium, mrdamp")),
+        ("import gymnasium as g; print(g.make('mrdamp:mrdamp/Frame-v0').spec.id)", "mrdamp/Frame-v0"),
+        *((f"import {first}, mujoco; {OPENED}", "1") for first in ("mrdamp", "mujoco, mrdamp", "mrdamp.cli")),
+        # by the entry point; so `python -m mujoco.viewer` and other people's programs open a model with a damper
+        (f"import mujoco; {OPENED}", "1"),
     ],
 )
-def test_another_mujoco_is_refused_with_the_command_that_mends_it(tmp_path: Path, then: str) -> None:
-    (tmp_path / "mujoco").mkdir()
-    (tmp_path / "mujoco" / "__init__.py").write_text("__version__ = '3.3.0'\n")
-    done = subprocess.run(
-        [sys.executable, "-c", OTHER_ENGINE.format(folder=str(tmp_path), then=then)],
-        cwd=tmp_path, capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
-    assert done.returncode != 0
-    last = done.stderr.splitlines()[-1]
-    assert last.startswith("mrdamp.errors.EngineError: ")
-    assert "3.3.0" in last
-    assert "pip install mujoco==4.0.0" in last
+def test_imports_from_anywhere_register_environments_and_plugins(tmp_path: Path, code: str, printed: str) -> None:
+    assert python(code, tmp_path) == printed
+    assert list(tmp_path.iterdir()) == []
+
+
+MAIN = "from mrdamp.cli import main; sys.exit(main(['mjcf', 'dyke1996_3kN', '-o', 'rig']))"
 
 
 @pytest.mark.slow
-def test_a_command_says_in_one_line_that_the_mujoco_is_another(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("then", "who"),
+    [
+        ("import mujoco, mrdamp", "mrdamp.errors.EngineError"),
+        ("import mrdamp.model.native; mrdamp.model.native.library()", "mrdamp.errors.EngineError"),
+        ("import mrdamp; mrdamp.load_plugin()", "mrdamp.errors.EngineError"),
+        (MAIN, "mrdamp"),
+    ],
+)
+def test_another_mujoco_is_refused_with_the_command_that_mends_it(tmp_path: Path, then: str, who: str) -> None:
     (tmp_path / "mujoco").mkdir()
     (tmp_path / "mujoco" / "__init__.py").write_text("__version__ = '3.3.0'\n")
-    then = "from mrdamp.cli import main; sys.exit(main(['mjcf', 'dyke1996_3kN', '-o', 'rig']))"
-    done = subprocess.run(
-        [sys.executable, "-c", OTHER_ENGINE.format(folder=str(tmp_path), then=then)],
-        cwd=tmp_path, capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr == (
-        "mrdamp: mrdamp needs MuJoCo 4.0.0, but 3.3.0 is installed: pip install mujoco==4.0.0\n"
-    )
-
-
-@pytest.mark.slow
-def test_spawned_worker_imports(tmp_path: Path) -> None:
-    script = tmp_path / "spawn.py"
-    script.write_text(
-        "import multiprocessing\n"
-        "def work(text):\n"
-        "    import mrdamp, mujoco\n"
-        "    return mujoco.MjModel.from_xml_string(text).nq\n"
-        "if __name__ == '__main__':\n"
-        "    with multiprocessing.get_context('spawn').Pool(2) as pool:\n"
-        f"        print(pool.map(work, ['''{MODEL}'''] * 2))\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", script], cwd=tmp_path, capture_output=True, text=True, timeout=120
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "[1, 1]\n", "")
+    call = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); {then}"]
+    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    needed = "mrdamp needs MuJoCo 4.0.0, but 3.3.0 is installed: pip install mujoco==4.0.0"
+    *before, last = done.stderr.splitlines()
+    assert last == f"{who}: {needed}"
+    if then == MAIN:
+        assert (done.returncode, done.stdout, before) == (2, "", [])
 
 
 @pytest.mark.slow

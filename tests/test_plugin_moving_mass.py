@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-import mrdamp  # noqa: F401  registers the plugin
+from mjcf_builders import config, dashpot
 
 TIED = '<body><joint name="j" type="slide" axis="1 0 0"/><geom size=".05" mass="1"/><site name="end"/></body>'
 CRANK = (
@@ -20,17 +20,27 @@ PENDULUM = (
     '<geom type="capsule" fromto="0 0 0 0 0 -.3" size=".02" mass=".3"/><site name="end" pos="0 0 -.3"/></body></body>'
 )
 TENDON = '<tendon><spatial name="t" {own}><site site="base"/><site site="end"/></spatial></tendon>'
-DASHPOT = {"law": "bingham", "c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.001}
+
+
+def plugin(c: float, mass: float) -> str:
+    return config({"law": "bingham", **dashpot(c), "moving_mass_m": mass})
+
+
+def path(m: mujoco.MjModel, q: tuple[float, float], v: tuple[float, float], steps: int) -> np.ndarray:
+    """Positions (steps, nq) of a free run."""
+    d, out = mujoco.MjData(m), []
+    d.qpos[:], d.qvel[:] = q, v
+    for _ in range(steps):
+        mujoco.mj_step(m, d)
+        out.append(d.qpos.copy())
+    return np.array(out)
 
 
 def scene(
     body: str, along: str, mass: float, integrator: str, step: float, *, c: float = 0.0, own: str = ""
 ) -> str:
     """along: the actuator's transmission, empty without a damper; own: of the tendon."""
-    config = "".join(
-        f'<config key="{k}" value="{v}"/>' for k, v in {**DASHPOT, "c0a": c, "moving_mass_m": mass}.items()
-    )
-    damper = f'<plugin name="d" plugin="mrdamp.damper" {along}>{config}</plugin>' if along else ""
+    damper = f'<plugin name="d" plugin="mrdamp.damper" {along}>{plugin(c, mass)}</plugin>' if along else ""
     sensor = (
         '<sensor><plugin plugin="mrdamp.force_sensor" objtype="actuator" objname="d"/></sensor>'
         if along
@@ -86,20 +96,11 @@ def test_the_load_cell_reads_what_turns_the_mass() -> None:
 
 @pytest.mark.parametrize("integrator", ["RK4", "implicitfast"])
 def test_a_mass_on_a_tendon_is_the_tendons_armature(integrator: str) -> None:
-    def path(along: str, mass: float, own: str, step: float) -> np.ndarray:
-        m = mujoco.MjModel.from_xml_string(
-            scene(PENDULUM, along, mass, integrator, step, c=2.0 if along else 0, own=own)
-        )
-        d = mujoco.MjData(m)
-        d.qpos[:], d.qvel[:] = (0.8, 0.5), (1.0, -2.0)
-        out = []
-        for _ in range(round(0.5 / step)):
-            mujoco.mj_step(m, d)
-            out.append(d.qpos.copy())
-        return np.array(out)
-
-    truth = path("", 0.0, 'armature="0.3" damping="2"', 1e-4)
-    found = path('tendon="t"', 0.3, "", 1e-4)
+    own = scene(PENDULUM, "", 0.0, integrator, 1e-4, own='armature="0.3" damping="2"')
+    ours = scene(PENDULUM, 'tendon="t"', 0.3, integrator, 1e-4, c=2.0)
+    truth, found = (
+        path(mujoco.MjModel.from_xml_string(text), (0.8, 0.5), (1.0, -2.0), 5000) for text in (own, ours)
+    )
     assert np.abs(found - truth).max() < (1e-6 if integrator == "RK4" else 2e-3)
 
 
@@ -107,27 +108,17 @@ def test_a_mass_on_a_tendon_is_the_tendons_armature(integrator: str) -> None:
 def test_masses_that_move_each_other_under_runge_kutta(mass: float) -> None:
     """Two slides in a chain against the engine's joint armature and damping."""
 
-    def path(own: str, plugin: bool) -> np.ndarray:
+    def chain(own: str, dampers: str) -> np.ndarray:
         geom = '<geom size=".1" mass="1" contype="0" conaffinity="0"/>'
         slide = f'<joint name="{{}}" type="slide" axis="1 0 0" stiffness="500" {own}/>{geom}'
-        config = "".join(
-            f'<config key="{k}" value="{v}"/>'
-            for k, v in {**DASHPOT, "c0a": 1.0, "moving_mass_m": mass}.items()
-        )
-        dampers = "".join(f'<plugin joint="{j}" plugin="mrdamp.damper">{config}</plugin>' for j in "ab")
         m = mujoco.MjModel.from_xml_string(
             f"""<mujoco><extension><plugin plugin="mrdamp.damper"/></extension>
             <option integrator="RK4" timestep=".001"/>
             <worldbody><body>{slide.format("a")}<body>{slide.format("b")}</body></body></worldbody>
-            <actuator>{dampers if plugin else ""}</actuator></mujoco>"""
+            <actuator>{dampers}</actuator></mujoco>"""
         )
-        d = mujoco.MjData(m)
-        d.qpos[:] = 0.1, 0.05
-        out = []
-        for _ in range(1000):
-            mujoco.mj_step(m, d)
-            out.append(d.qpos.copy())
-        return np.array(out)
+        return path(m, (0.1, 0.05), (0.0, 0.0), 1000)
 
-    truth = path(f'damping="1" armature="{mass}"', False)
-    np.testing.assert_allclose(path("", True), truth, atol=1e-9)
+    dampers = "".join(f'<plugin joint="{j}" plugin="mrdamp.damper">{plugin(1.0, mass)}</plugin>' for j in "ab")
+    truth = chain(f'damping="1" armature="{mass}"', "")
+    np.testing.assert_allclose(chain("", dampers), truth, atol=1e-9)

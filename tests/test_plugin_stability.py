@@ -10,8 +10,16 @@ import numpy as np
 import pytest
 
 from dampers import attributes, commands, size
-from excitation import Array
-from mjcf_builders import Damper, Values, compiled, document, oscillator, slider, step_through
+from mjcf_builders import (
+    Damper,
+    Values,
+    compiled,
+    dashpot,
+    document,
+    oscillator,
+    slider,
+    step_through,
+)
 from mrdamp import sets
 from mrdamp.model import core
 from networks import Network
@@ -21,17 +29,13 @@ from twin_laws import value, z_limit
 INTEGRATORS = ("Euler", "implicitfast")
 
 
-def viscous(c: float) -> dict[str, float]:
-    return {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
-
-
 @pytest.mark.parametrize(("timestep", "integrator"), [(1e-4, "Euler"), (5e-3, "implicitfast")])
-@pytest.mark.parametrize("ratio", [0.01, 0.1, 1.0, 3.0, 10.0, 30.0])
+@pytest.mark.parametrize("ratio", [0.01, 1.0, 30.0])
 def test_linear_damper_decays_exactly(ratio: float, timestep: float, integrator: str) -> None:
     """m v' = -c v: v falls by exp(-c h / m) in every step, however large c h / m is."""
     c = 700.0
     model, data = oscillator(
-        "bingham", viscous(c), c * timestep / ratio, 0.0, timestep, integrator=integrator
+        "bingham", dashpot(c), c * timestep / ratio, 0.0, timestep, integrator=integrator
     )
     data.qvel[0] = 0.8
     v = step_through(model, data, 20).v[:, 0]
@@ -39,7 +43,7 @@ def test_linear_damper_decays_exactly(ratio: float, timestep: float, integrator:
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("ratio", [1.0, 10.0, 30.0])
+@pytest.mark.parametrize("ratio", [1.0, 30.0])
 def test_linear_network_decays_exactly(ratio: float, integrator: str) -> None:
     """A network that is a dashpot, F = c v, as stiff."""
     c, timestep = 700.0, 1e-3
@@ -113,28 +117,6 @@ def test_light_mass_is_stopped(id: str, level: float, ratio: float, integrator: 
     assert rise < 1.02 * most_stored(law, p, u, 1.5 * force) + 0.01 * energy[0]
 
 
-@pytest.mark.parametrize(("timestep", "integrator"), [(1e-3, "Euler"), (5e-3, "implicitfast")])
-@pytest.mark.parametrize("id", sets.names())
-def test_light_structure_comes_to_rest(id: str, timestep: float, integrator: str) -> None:
-    """A light mass on a spring, plucked: its energy falls for 1e4 steps."""
-    law, p = sets.load(id).law, attributes(id)
-    stroke, frequency = size(id)
-    u = commands(id)[1]
-    force, speed = resistance(id, u)
-    mass = force / speed * timestep / 5.0
-    stiffness = mass * (2.0 * math.pi * frequency) ** 2
-    preload = 0.5 * (0.0 if law != "modified_bouc_wen" else p["k1"] * p["x0"] ** 2)
-    model, data = oscillator(law, p, mass, stiffness, timestep, integrator=integrator)
-    data.qpos[0], data.ctrl[0] = stroke, u
-    track = step_through(model, data, 10_000)
-    x, v = track.x[:, 0], track.v[:, 0]
-    spring = 0.5 * p.get("k1" if law == "modified_bouc_wen" else "k0", 0.0) * (x - p.get("x0", 0.0)) ** 2
-    energy = 0.5 * mass * v**2 + 0.5 * stiffness * x**2 + spring
-    assert np.all(np.isfinite(x))
-    rise = np.max(energy - np.minimum.accumulate(energy))
-    assert rise < 1.02 * most_stored(law, p, u, 1.5 * force) + 0.01 * (energy[0] + preload)
-
-
 def ratio_of_damping(
     model: mujoco.MjModel, data: mujoco.MjData, first: float, cycles: int, omega: float
 ) -> float:
@@ -148,38 +130,26 @@ def ratio_of_damping(
     return fall / math.sqrt(1.0 + fall**2)
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("timestep", [2e-4, 1e-3, 2e-3])
-@pytest.mark.parametrize("frequency", [1.0, 5.0])
+@pytest.mark.parametrize("share", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize(
+    ("frequency", "timestep", "integrator"),
+    [(5.0, 2e-4, "Euler"), (5.0, 2e-3, "Euler"), (5.0, 2e-3, "implicitfast"), (1.0, 2e-3, "implicitfast")],
+)
 def test_one_per_cent_of_damping_stays_one_per_cent(
-    frequency: float, timestep: float, integrator: str
+    frequency: float, timestep: float, integrator: str, share: float
 ) -> None:
+    """Also where a share of the structure's stiffness, or all of it, is the damper's gas spring."""
     mass, omega = 10.0, 2.0 * math.pi * frequency
-    model, data = oscillator(
-        "bingham", viscous(2 * 0.01 * mass * omega), mass, mass * omega**2, timestep, integrator=integrator
-    )
-    assert ratio_of_damping(model, data, 0.01, 30, omega) == pytest.approx(0.01, rel=0.005)
-
-
-@pytest.mark.parametrize("share", [0.1, 1.0])
-@pytest.mark.parametrize("timestep", [2e-4, 1e-3, 2e-3])
-def test_spring_inside_the_damper_adds_no_damping(timestep: float, share: float) -> None:
-    """The same 1 %, a part of the structure's stiffness being the damper's gas spring, or all of it."""
-    mass, omega = 10.0, 2.0 * math.pi * 5.0
     stiffness = mass * omega**2
-    model, data = oscillator(
-        "bingham",
-        {**viscous(2 * 0.01 * mass * omega), "gas_spring_k": share * stiffness},
-        mass,
-        (1.0 - share) * stiffness,
-        timestep,
-    )
-    assert ratio_of_damping(model, data, 0.01, 30, omega) == pytest.approx(0.01, rel=0.02)
+    law = {**dashpot(2 * 0.01 * mass * omega), "gas_spring_k": share * stiffness}
+    model, data = oscillator("bingham", law, mass, (1.0 - share) * stiffness, timestep, integrator=integrator)
+    found = ratio_of_damping(model, data, 0.01, 30, omega)
+    assert found == pytest.approx(0.01, rel=0.02 if share else 0.005)
 
 
 @pytest.mark.parametrize("v_ref", [0.0, 1e-4])
 @pytest.mark.parametrize("c", [0.0, 400.0])
-@pytest.mark.parametrize("mass", [0.01, 0.033, 1.0, 30.0])
+@pytest.mark.parametrize("mass", [0.01, 1.0, 30.0])
 def test_dry_friction_holds_a_load(mass: float, c: float, v_ref: float) -> None:
     """A load of 0.6 of the yield force: the sliding body stops, and creeps no faster than v_ref allows."""
     law = {"c0a": c, "c0b": 0.0, "fya": 50.0, "fyb": 0.0, "v_ref": v_ref}
@@ -218,7 +188,7 @@ def test_coulomb_damper_takes_the_same_from_every_swing(timestep: float, integra
 def test_seal_friction_holds_a_load(mass: float) -> None:
     """Stick under a load below the friction; slip above the breakaway force, damped."""
     more = {"seal_friction_coulomb": 40.0, "seal_friction_breakaway": 1.5, "seal_friction_presliding": 1e-4}
-    model, data = oscillator("bingham", {**viscous(20.0), **more}, mass, 0.0, 1e-3)
+    model, data = oscillator("bingham", {**dashpot(20.0), **more}, mass, 0.0, 1e-3)
     data.qfrc_applied[0] = 30.0
     held = step_through(model, data, 3000)
     assert abs(held.x[2000, 0]) < 1e-3
@@ -228,15 +198,15 @@ def test_seal_friction_holds_a_load(mass: float) -> None:
     assert slid.v[-1, 0] == pytest.approx((65.0 - 40.0) / 20.0, rel=0.01)
 
 
-SPRUNG: tuple[tuple[str, Values], ...] = (
-    ("compliant mount", {"mount_compliance_k": 2e5}),
-    ("backlash", {"backlash_gap": 5e-4, "backlash_k": 2e5}),
-    ("both with a mass", {"mount_compliance_k": 2e5, "backlash_gap": 2e-4, "moving_mass_m": 0.2}),
-)
-
-
 @pytest.mark.parametrize("mass", [0.05, 1.0, 50.0])
-@pytest.mark.parametrize("more", [row[1] for row in SPRUNG], ids=[row[0] for row in SPRUNG])
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"mount_compliance_k": 2e5},
+        {"backlash_gap": 5e-4, "backlash_k": 2e5},
+        {"mount_compliance_k": 2e5, "backlash_gap": 2e-4, "moving_mass_m": 0.2},
+    ],
+)
 def test_mounts_are_stable_on_light_masses(more: Values, mass: float) -> None:
     """A stiff mount on a light mass: energy falls, and what still moves does so in the gap."""
     timestep = 1e-3
@@ -245,13 +215,9 @@ def test_mounts_are_stable_on_light_masses(more: Values, mass: float) -> None:
     model, data = oscillator("modified_bouc_wen", {**law, **more}, mass, 2000.0, timestep)
     data.qvel[0], data.ctrl[0] = 0.3, 1.0
     track = step_through(model, data, 10_000)
-    energy = energy_of(track.x[:, 0], track.v[:, 0], mass, 2000.0)
+    energy = 0.5 * mass * track.v[:, 0] ** 2 + 0.5 * 2000.0 * track.x[:, 0] ** 2
     force = track.sensors[:, model.sensor("true_force").adr[0]]
     assert np.all(np.isfinite(energy))
     most = float(np.max(force**2)) / (2.0 * 2e5)
     assert np.max(energy - np.minimum.accumulate(energy)) < most + 0.02 * energy[0]
     assert np.max(np.abs(track.v[5000:])) < 1.05 * math.sqrt(2000.0 / mass) * gap / 2.0 + 0.001
-
-
-def energy_of(x: Array, v: Array, mass: float, stiffness: float) -> Array:
-    return 0.5 * mass * v**2 + 0.5 * stiffness * x**2

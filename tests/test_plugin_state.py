@@ -13,14 +13,17 @@ import mujoco.rollout
 import numpy as np
 import pytest
 
+from dampers import attributes
 from excitation import Array
 from mjcf_builders import (
+    DYKE,
     Damper,
     Sensor,
     Track,
     attribute,
     chain,
     compiled,
+    dashpot,
     document,
     set_attribute,
     slider,
@@ -29,14 +32,6 @@ from mjcf_builders import (
 )
 from networks import random_network
 
-DYKE = {
-    "c0a": 2100.0, "c0b": 350.0, "c1a": 28300.0, "c1b": 295.0, "k0": 4690.0, "k1": 500.0, "x0": 0.0,
-    "alpha_a": 14000.0, "alpha_b": 69500.0, "gamma": 3.63e6, "beta": 3.63e6, "A": 301.0, "n": 2.0,
-}  # fmt: skip
-FOAM = {
-    "k0a": 50.0, "k0b": 2.0, "k1a": 4000.0, "k1b": 100.0, "c0a": 75.0, "c0b": 0.0, "c1a": 0.5, "c1b": 4.0,
-    "m0": 0.008, "f0a": 1.0, "f0b": 5.0, "v_ref": 0.0033,
-}  # fmt: skip
 EFFECTS = {
     "driver_lag_tau": 0.008, "driver_lag_tau2": 0.003, "remanence_b": 0.1, "heating_kappa": 0.01,
     "heating_capacity": 3.0, "seal_friction_coulomb": 20.0, "trapped_gas_d": 0.4,
@@ -52,12 +47,7 @@ def rich(timestep: float = 1e-3) -> str:
     dampers = [
         Damper("narx", {"weights": "text:net", "command_delay_d": 0.0123, "driver_lag_tau": 0.01}, "net"),
         Damper("modified_bouc_wen", {**DYKE, **EFFECTS}, "mr", 'joint="j1"'),
-        Damper(
-            "hyperbolic_tangent",
-            {**FOAM, **MOUNT},
-            "foam",
-            'joint="j2"',
-        ),
+        Damper("hyperbolic_tangent", {**attributes("zapateiro_foam_tanh"), **MOUNT}, "foam", 'joint="j2"'),
     ]
     reading = {"noise": 2.0, "seed": 11.0, "sensor_leakage_tau": 0.3, "sensor_lag_tau": 0.004}
     sensors = [Sensor(f"f_{damper.name}", damper.name, reading) for damper in dampers]
@@ -107,7 +97,7 @@ def test_the_model_keeps_a_past(whole: Track) -> None:
     assert np.max(np.abs(after.x - whole.x[150:])) > 1e-7
 
 
-@pytest.mark.parametrize("k", [1, 7, 150])
+@pytest.mark.parametrize("k", [1, 150])
 def test_copy_goes_on_alike(whole: Track, k: int) -> None:
     model, data = bent()
     step_through(model, data, k, controls()[:k])
@@ -120,7 +110,7 @@ def test_copy_goes_on_alike(whole: Track, k: int) -> None:
 
 
 @pytest.mark.parametrize("spec", SPECS, ids=["FULLPHYSICS", "INTEGRATION"])
-@pytest.mark.parametrize("k", [1, 7, 150])
+@pytest.mark.parametrize("k", [1, 150])
 def test_state_put_back_goes_on_alike(whole: Track, spec: int, k: int) -> None:
     """Into the same data after it went elsewhere, and into data that never stepped."""
     model, data = bent()
@@ -288,14 +278,12 @@ def force_at(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     return float(data.sensor("force").data[0])
 
 
-def dashpot() -> str:
-    law = {"c0a": 100.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
-    return document(slider(1e9), [Damper("bingham", law)], [Sensor(attributes={"sensor_gain_g": 1.0})])
+RIG = document(slider(1e9), [Damper("bingham", dashpot(100.0))], [Sensor(attributes={"sensor_gain_g": 1.0})])
 
 
 def test_attributes_written_into_the_model_count_at_once() -> None:
-    """Of damper and sensor, in data that already ran."""
-    model, data = compiled(dashpot())
+    """Of damper and sensor, in data that already ran; while it runs, from the next step on."""
+    model, data = compiled(RIG)
     assert attribute(model, "mr_data", "c0a") == "100.0"
     assert force_at(model, data) == pytest.approx(10.0, rel=1e-12)
     set_attribute(model, "mr_data", "c0a", 700.0)
@@ -305,42 +293,16 @@ def test_attributes_written_into_the_model_count_at_once() -> None:
     at = raw.index(b"1.0\0", int(model.plugin_attradr[sensor]))
     model.plugin_attr[at : at + 3] = np.frombuffer(b"0.5", dtype=model.plugin_attr.dtype)
     assert force_at(model, data) == pytest.approx(35.0, rel=1e-12)
-
-
-def test_attributes_changed_while_it_runs() -> None:
-    """The state stays: only the force follows, from the next step on."""
-    model, data = compiled(dashpot())
-    data.qvel[0] = 0.1
     mujoco.mj_step(model, data)
     set_attribute(model, "mr_data", "c0a", 300.0)
     mujoco.mj_step(model, data)
-    assert data.sensor("force").data[0] == pytest.approx(30.0, rel=1e-6)
+    assert data.sensor("force").data[0] == pytest.approx(15.0, rel=1e-6)
 
 
 def test_recompiled_spec_has_the_new_parameters() -> None:
-    spec = mujoco.MjSpec.from_string(dashpot())
+    spec = mujoco.MjSpec.from_string(RIG)
     for c in (100.0, 250.0, 30.0):
         plugin = next(p for p in spec.plugins if p.name == "mr_data")
-        plugin.config = {
-            "law": "bingham",
-            "c0a": repr(c),
-            "c0b": "0",
-            "fya": "0",
-            "fyb": "0",
-            "v_ref": "0.01",
-        }
+        plugin.config = {"law": "bingham", **{name: repr(value) for name, value in dashpot(c).items()}}
         model = spec.compile()
         assert force_at(model, mujoco.MjData(model)) == pytest.approx(0.1 * c, rel=1e-12)
-
-
-def test_recompiling_keeps_the_state() -> None:
-    """MjSpec.recompile carries state over to the changed model."""
-    spec = mujoco.MjSpec.from_string(rich())
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    step_through(model, data, 100, controls()[:100])
-    x = data.qpos.copy()
-    model, data = spec.recompile(model, data)
-    np.testing.assert_array_equal(data.qpos, x)
-    assert np.all(np.isfinite(step_through(model, data, 100, controls()).sensors))

@@ -26,43 +26,27 @@ def test_gzip_windows_lines_byte_order_mark_and_end_blanks(tmp_path: Path) -> No
     assert read_record(path).n == 50
 
 
-def test_other_columns_are_ignored_and_may_hold_text(tmp_path: Path) -> None:
-    lines = [line + (",note" if k == 0 else ",ok") for k, line in enumerate(table())]
-    assert read_record(write(tmp_path, lines)).ignored == ("note",)
-
-
 @pytest.mark.parametrize(
     ("wrong", "right"),
     [
-        ("force_kN", "force_N"),
-        ("Force_N", "force_N"),
-        ("force", "force_N"),
-        ("displacement_mm", "displacement_m"),
-        ("Displacement [mm]", "displacement_m"),
-        ("velocity_mm_s", "velocity_m_s"),
-        ("acceleration_g", "acceleration_m_s2"),
-        ("acceleration_m_s^2", "acceleration_m_s2"),
-        ("current_mA", "current_A"),
-        ("command_V", "command"),
-        ("temperature_K", "temperature_C"),
-        ("reference_force_kN", "reference_force_N"),
-        ("ground_acceleration_g", "ground_acceleration_m_s2"),
-        ("floor2_acceleration_g", "floor2_acceleration_m_s2"),
-        ("floor0_displacement_m", "floor1_displacement_m"),
+        ("force_kN", "force_N"), ("Force_N", "force_N"), ("force", "force_N"), ("Displacement [mm]", "displacement_m"),
+        ("velocity_mm_s", "velocity_m_s"), ("acceleration_g", "acceleration_m_s2"),
+        ("acceleration_m_s^2", "acceleration_m_s2"), ("current_mA", "current_A"), ("command_V", "command"),
+        ("reference_force_kN", "reference_force_N"), ("ground_acceleration_g", "ground_acceleration_m_s2"),
+        ("floor2_acceleration_g", "floor2_acceleration_m_s2"), ("floor0_displacement_m", "floor1_displacement_m"),
         ("time_ms", "time_s"),
     ],
-)
+)  # fmt: skip
 def test_wrong_unit_names_the_right_channel(tmp_path: Path, wrong: str, right: str) -> None:
     path = write(tmp_path, table(header=f"{HEADER},{wrong}"))
     assert f"{wrong!r} must be {right} " in message(path)
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["force_N_filtered", "displacement_target", "timestamp", "pressure_Pa", "voltage_V", "command_raw"],
-)
+@pytest.mark.parametrize("name", ["force_N_filtered", "timestamp", "pressure_Pa", "voltage_V", "command_raw"])
 def test_another_quantity_is_no_wrong_unit(tmp_path: Path, name: str) -> None:
-    assert read_record(write(tmp_path, table(header=f"{HEADER},{name}"))).ignored == (name,)
+    """It is ignored, and may hold text."""
+    lines = [line + (f",{name}" if k == 0 else ",ok") for k, line in enumerate(table())]
+    assert read_record(write(tmp_path, lines)).ignored == (name,)
 
 
 def test_missing_channel_says_what_is_there(tmp_path: Path) -> None:
@@ -145,27 +129,20 @@ def stamped(folder: Path, stamps: list[str]) -> Path:
 
 
 @pytest.mark.parametrize("form", ["%.6f", "%.6g", "%.9g", "%.4f"])
-@pytest.mark.parametrize("rate", [3004.8, 1000.0, 500.0, 200.0, 50.0])
-@pytest.mark.parametrize("start", [0.0, 3.25])
-def test_rounded_stamps_are_uniform(tmp_path: Path, form: str, rate: float, start: float) -> None:
+@pytest.mark.parametrize("rate", [3004.8, 1000.0, 200.0, 50.0])
+def test_rounded_stamps_are_uniform(tmp_path: Path, form: str, rate: float) -> None:
     n = 12000
-    time = start + np.arange(n) / rate
+    time = 3.25 + np.arange(n) / rate
     record = read_record(stamped(tmp_path, [form % t for t in time]))
     assert record.sample_time == pytest.approx(1.0 / rate, abs=1e-3 / (n - 1))
     np.testing.assert_allclose(record.time, time, atol=6e-4)
     assert np.ptp(np.diff(record.time)) < 1e-12
 
 
-def test_float32_stamps_are_uniform(tmp_path: Path) -> None:
-    time = (np.arange(6000) * 0.002).astype(np.float32)
-    assert read_record(stamped(tmp_path, [repr(float(t)) for t in time])).n == 6000
-
-
-@pytest.mark.parametrize("rate", [3004.8, 1000.0, 200.0])
-@pytest.mark.parametrize("form", ["%.6f", "%.9g"])
+@pytest.mark.parametrize("rate", [3004.8, 1000.0])
 @pytest.mark.parametrize("place", [1, 700, 3998])
-def test_dropped_sample_is_found(tmp_path: Path, rate: float, form: str, place: int) -> None:
-    stamps = [form % (k / rate) for k in range(4000)]
+def test_dropped_sample_is_found(tmp_path: Path, rate: float, place: int) -> None:
+    stamps = [f"{k / rate:.6f}" for k in range(4000)]
     del stamps[place]
     text = message(stamped(tmp_path, stamps))
     assert f"line {place + 2}: non-uniform clock" in text
@@ -188,14 +165,10 @@ def test_one_bad_stamp_is_found(tmp_path: Path, index: int, value: float, expect
 
 def test_wandering_clock_is_found(tmp_path: Path) -> None:
     time = np.arange(5000) * 0.002
-    text = message(stamped(tmp_path, [f"{t:.9g}" for t in time + 2e-3 * np.sin(0.2 * time)]))
-    assert "non-uniform clock" in text
     pairs = 0.015 * 0.002 * (-1.0) ** np.arange(5000)
-    assert "non-uniform clock: time_s steps by" in message(
-        stamped(tmp_path, [f"{t:.9g}" for t in time + pairs])
-    )
     jitter = np.random.default_rng(0).uniform(-0.1, 0.1, 5000) * 0.002
-    assert "non-uniform clock" in message(stamped(tmp_path, [f"{t:.9g}" for t in time + jitter]))
+    for off in (2e-3 * np.sin(0.2 * time), pairs, jitter):
+        assert "non-uniform clock" in message(stamped(tmp_path, [f"{t:.9g}" for t in time + off]))
 
 
 def test_a_table_is_read_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -226,13 +199,6 @@ def parses_or_refuses(name: str, data: bytes) -> None:
     assert all(np.isfinite(values).all() for values in channels.values())
 
 
-@settings(max_examples=300, deadline=None)
-@given(st.binary(max_size=300), st.sampled_from(["a.csv", "a.csv.gz"]))
-def test_any_bytes_are_read_or_refused(data: bytes, name: str) -> None:
-    parses_or_refuses(name, data)
-    parses_or_refuses(name, b"time_s,displacement_m,command\n" + data)
-
-
 CELLS = st.one_of(
     st.sampled_from(
         ["", "nan", "-inf", "1e999", "0e400", "1e-400", "1e308", "-1e308", "1d5", "0x1p3", "١", "1 2"]
@@ -242,7 +208,7 @@ CELLS = st.one_of(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 12), st.integers(0, 3), CELLS), max_size=4))
 def test_any_cells_are_read_or_refused(changes: list[tuple[int, int, str]]) -> None:
     rows = [line.split(",") for line in table(12)]
@@ -251,7 +217,7 @@ def test_any_cells_are_read_or_refused(changes: list[tuple[int, int, str]]) -> N
     parses_or_refuses("a.csv", "\n".join(",".join(row) for row in rows).encode("utf-8", "surrogatepass"))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_any_damage_is_read_or_refused(data: st.DataObject) -> None:
     packed = data.draw(st.booleans())

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import mrdamp
-from mrdamp.errors import InputError
 from mrdamp.identify import Fit, RecordError
 from mrdamp.model import Model
 from mrdamp.records import Record, RecordSet, read_record, read_records
@@ -49,10 +47,8 @@ def test_reads_channels_in_file_order(tmp_path: Path) -> None:
 def test_force_is_none_where_absent(tmp_path: Path) -> None:
     record = read_record(write(tmp_path, table(header="time_s,displacement_m,command")))
     assert record.force is None
-    with pytest.raises(
-        InputError, match=r"no channel force_N; the record has time_s, displacement_m, command"
-    ):
-        record.channel("force_N")
+    said = "no channel force_N; the record has time_s, displacement_m, command"
+    refuses(lambda: record.channel("force_N"), said)
 
 
 def test_velocity_and_acceleration_of_a_sine() -> None:
@@ -63,6 +59,7 @@ def test_velocity_and_acceleration_of_a_sine() -> None:
     assert np.abs(record.acceleration()[2:-2] - a[2:-2]).max() < 1e-4 * 0.003 * w**2
     inside = slice(200, -200)
     assert np.abs(record.velocity(60.0) - v)[inside].max() < 2e-3 * 0.003 * w
+    refuses(lambda: record.velocity(500.0), "cutoff_hz is 500: it must lie between 0 and 500")
 
 
 def test_the_velocity_is_the_displacements_whether_one_was_measured_or_not() -> None:
@@ -89,24 +86,8 @@ def test_no_file_is_waited_for_or_read_without_end(tmp_path: Path) -> None:
     (tmp_path / "zero.csv").symlink_to("/dev/zero")
     for name in ("pipe.csv", "zero.csv"):
         refuses(lambda n=name: read_record(tmp_path / n), "is a device or a pipe")  # type: ignore[misc]
-    with gzip.open(tmp_path / "bomb.csv.gz", "wb", compresslevel=1) as packed:
-        for _ in range(520):
-            packed.write(bytes(1 << 20))
+    (tmp_path / "bomb.csv.gz").write_bytes(13 * gzip.compress(bytes(40 << 20), 1))
     refuses(lambda: read_record(tmp_path / "bomb.csv.gz"), "more than 512 MiB")
-
-
-def test_smoothing_cuts_noise_without_delay() -> None:
-    record = sine()
-    noise = 3e-6 * np.random.default_rng(1).standard_normal(record.n)
-    noisy = record.with_channels({"displacement_m": record.displacement + noise})
-    raw, smooth = noisy.velocity() - record.velocity(), noisy.velocity(20.0) - record.velocity()
-    assert np.std(smooth[100:-100]) < 0.2 * np.std(raw)
-    v = noisy.velocity(20.0)[100:-100]
-    lags = range(-5, 6)
-    match = [np.dot(v, record.velocity()[100 + k : record.n - 100 + k]) for k in lags]
-    assert lags[int(np.argmax(match))] == 0
-    with pytest.raises(InputError, match="cutoff_hz is 500: it must lie between 0 and 500"):
-        noisy.velocity(500.0)
 
 
 @pytest.mark.parametrize(("frequency", "gain"), [(5.0, 16 / 17), (10.0, 1 / 2), (20.0, 1 / 17)])
@@ -155,10 +136,7 @@ def test_part_keeps_its_stamps() -> None:
     part = sine().part(0.5, 1.25)
     assert (part.n, part.time[0], part.time[-1]) == (751, pytest.approx(0.5), pytest.approx(1.25))
     np.testing.assert_array_equal(part.displacement, sine().displacement[500:1251])
-    with pytest.raises(
-        InputError, match=r"fewer than 3 samples from 1 to 1.001 s; the record runs from 0 to 2 s"
-    ):
-        sine().part(1.0, 1.001)
+    refuses(lambda: sine().part(1.0, 1.001), "fewer than 3 samples from 1 to 1.001 s; the record runs from 0 to 2 s")
 
 
 @pytest.mark.parametrize("dt", [0.0005, 0.002, 0.004, 0.0013])
@@ -184,8 +162,7 @@ def test_resample_does_not_fold_noise_back() -> None:
 
 @pytest.mark.parametrize("dt", [0.0, -1.0, float("nan"), 1.5, 1e-12])
 def test_resample_refuses(dt: float) -> None:
-    with pytest.raises(InputError, match="sample time"):
-        sine().resample(dt)
+    refuses(lambda: sine().resample(dt), "sample time")
 
 
 @pytest.mark.parametrize("name", ["out.csv", "out.csv.gz"])
@@ -212,15 +189,12 @@ def test_a_failed_save_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.M
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", full)
-    with pytest.raises(InputError, match=r"a\.csv: cannot be written: No space left on device"):
-        sine().save(path)
+    refuses(lambda: sine().save(path), r"a\.csv: cannot be written: No space left on device")
     monkeypatch.undo()
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["a.csv"]
-    with pytest.raises(InputError, match="cannot be written"):
-        sine().save(tmp_path / "nowhere" / "a.csv")
-    with pytest.raises(InputError, match=r"written as \.csv"):
-        sine().save(tmp_path / "a.npz")
+    refuses(lambda: sine().save(tmp_path / "nowhere" / "a.csv"), "cannot be written")
+    refuses(lambda: sine().save(tmp_path / "a.npz"), r"written as \.csv")
 
 
 @pytest.mark.parametrize(
@@ -235,8 +209,7 @@ def test_a_failed_save_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.M
     ],
 )
 def test_record_refuses(channels: dict[str, list[float]], expected: str) -> None:
-    with pytest.raises(InputError, match=expected):
-        Record("a", None, 0.1, {name: np.array(x) for name, x in channels.items()})
+    refuses(lambda: Record("a", None, 0.1, {name: np.array(x) for name, x in channels.items()}), expected)
 
 
 def names(records: tuple[Record, ...]) -> list[str]:
@@ -254,8 +227,7 @@ def test_flat_folder_holds_out_every_third_record(tmp_path: Path) -> None:
     assert names(found.validation) == ["2", "5"]
     assert len(found) == 7
     assert found["5"].n == 55
-    with pytest.raises(InputError, match="no record '9'"):
-        found["9"]
+    refuses(lambda: found["9"], "no record '9'")
     two = read_records([write(tmp_path, table(50 + k), f"{name}.csv") for k, name in enumerate("ba")])
     assert (names(two.train), names(two.validation)) == (["a"], ["b"])
 
@@ -291,38 +263,28 @@ def test_train_and_validation_folders(tmp_path: Path) -> None:
     found = read_records(tmp_path)
     assert (names(found.train), names(found.validation)) == (["of_train"], ["of_validation"])
     (tmp_path / "validation" / "of_validation.csv").unlink()
-    with pytest.raises(InputError, match=r"validation: no \.csv"):
-        read_records(tmp_path)
+    refuses(lambda: read_records(tmp_path), r"validation: no \.csv")
     (tmp_path / "validation").rmdir()
-    with pytest.raises(InputError, match="a set has both"):
-        read_records(tmp_path)
+    refuses(lambda: read_records(tmp_path), "a set has both")
 
 
 def test_sets_that_are_none(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such folder or file"):
-        read_records(tmp_path / "nowhere")
-    with pytest.raises(InputError, match=r"no \.csv or \.csv\.gz"):
-        read_records(tmp_path)
-    with pytest.raises(InputError, match="no records"):
-        read_records([])
+    refuses(lambda: read_records(tmp_path / "nowhere"), "no such folder or file")
+    refuses(lambda: read_records(tmp_path), r"no \.csv or \.csv\.gz")
+    refuses(lambda: read_records([]), "no records")
     write(tmp_path, table(), "a.csv")
     (tmp_path / "a.csv.gz").write_bytes(gzip.compress("\n".join(table()).encode()))
-    with pytest.raises(InputError, match="two records are named a"):
-        read_records(tmp_path)
+    refuses(lambda: read_records(tmp_path), "two records are named a")
 
 
 @needs_shared
-def test_every_shared_set_reads() -> None:
+def test_every_shared_set_and_open_case_reads() -> None:
     sizes = {"utfsm": (12, 5), "utfpr": (16, 31), "nees": (3, 1)}
     for name, size in sizes.items():
         found: RecordSet = read_records(SHARED / "data" / name)
         assert (len(found.train), len(found.validation)) == size
     # 12020 samples at 3004.8 Hz, stamps of six decimals
     assert found.train[0].sample_time == pytest.approx(1 / 3004.8, rel=1e-6)
-
-
-@needs_shared
-def test_every_open_case_reads() -> None:
     folders = sorted((SHARED / "cases" / "open").iterdir())
     assert folders
     for folder in folders:
@@ -331,7 +293,6 @@ def test_every_open_case_reads() -> None:
         assert sorted(record.name for record in found) == files
         assert found.train
         assert found.validation
-        assert all(record.sample_time == pytest.approx(0.002, rel=1e-9) for record in found)
 
 
 def test_a_record_and_a_fit_are_shown_in_one_line() -> None:
@@ -343,14 +304,6 @@ def test_a_record_and_a_fit_are_shown_in_one_line() -> None:
     assert repr(fit) == (
         "Fit(Model('m', bingham, rig damper, effects: none), error 0.250 of 1 fitted, error 0.500 of 1 held out)"
     )
-
-
-def test_what_users_need_is_in_the_package_itself() -> None:
-    for name in mrdamp.__all__:
-        assert getattr(mrdamp, name) is not None
-    assert mrdamp.Record is Record
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = mrdamp.nothing
 
 
 def test_a_record_that_is_there_twice_is_refused(tmp_path: Path) -> None:

@@ -80,8 +80,8 @@ def _some(of: str, file: str, tests: str, *pairs: tuple[str, ...]) -> Iterator[M
 
 
 _L, _E = "plugin_cpp/laws/", "plugin_cpp/effects/"
-_FORMS = "effects effect_forms current_forms"
-_MOUNT = "effects mount_forms effect_forms mount_jumps"
+_FORMS = "effect_forms current_forms effects"
+_MOUNT = "mount_forms effect_forms effects"
 MUTANTS = (
     *_some("bingham", _L + "bingham.h", "laws plugin_physics",
            ("k.c0 * v + k.yield * turn", "k.c0 * v - k.yield * turn"),
@@ -101,7 +101,7 @@ MUTANTS = (
     *_some("modified_bouc_wen", _L + "modified_bouc_wen.h", "laws plugin_physics",
            ("k.c1 * v - k.yield * z - k.k0 * r", "k.c1 * v - k.yield * z + k.k0 * r"),
            ("k.k1 * (x - p.x0)", "k.k1 * x")),
-    *_some("narx", _L + "narx.cc", "laws",
+    *_some("narx", _L + "narx.cc", "narx",
            ("from[0] * force_scale + force_offset", "from[0] * force_scale"),
            ("std::tanh(s)", "std::atan(s)")),
     *_some("dependence on the field", _L + "coefficients.h", "laws effects",
@@ -146,7 +146,7 @@ MUTANTS = (
            ("1 + p.asymmetry_a * t", "1 - p.asymmetry_a * t", "return "),
            ("f * (1 + p.asymmetry_a * t)", "f"),
            ("2 * path / p.asymmetry_travel", "path / p.asymmetry_travel")),
-    *_some("trapped_gas", _E + "fluid.h", _FORMS + " gas_in_series",
+    *_some("trapped_gas", _E + "fluid.h", _FORMS,
            ("1 - p.trapped_gas_d * moving * lost", "1 + p.trapped_gas_d * moving * lost"),
            ("fmax(1 - power, 0.0)", "fmax(1 - 0.5 * power, 0.0)"),
            ("pow(left, p.trapped_gas_shape)", "pow(left, -p.trapped_gas_shape)"),
