@@ -43,15 +43,15 @@ def diagnose(
 
 
 def searched(case: Case, jobs: int, progress: Progress, limits: Limits | None) -> Searched:
-    """Completed search of a case's rig; again with a held command, if only what was found shows that it is held."""
+    """Completed search of a case's rig; again where what was found shows another reading of the command."""
     search = search_frame if case.model.rig == "frame" else search_damper
     progress("reading the command between samples", 0.0)
     read, notes = with_hold(case, jobs)
     found = search(read, jobs, progress, limits)
-    if notes and not read.model.hold:
+    if notes:
         best = found.search.least
         again, said = with_hold(case, jobs, best.hypothesis.settings(best.point))
-        if again.model.hold:
+        if again.model.hold != read.model.hold:
             found, notes = search(again, jobs, progress, limits), said
     return replace(found, notes=[*notes, *found.notes])
 
