@@ -5,6 +5,9 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from mrdamp.diagnosis.constants import EVIDENCE_GAIN, NUMBER
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.regimes import by_record, left_out
 from mrdamp.diagnosis.fits.search import Search
@@ -57,7 +60,8 @@ def final_fit(search: Search, chosen: Fit, *, mend: bool = True, rig: Rig | None
 
 
 def least_left_out(search: Search, chosen: Fit) -> Fit:
-    """The fit of the chosen causes with the least error on left-out folds, of those that a model file takes.
+    """The fit of the chosen causes with the least error on left-out folds, of those that a model file takes. Parameters
+    of a form count as those of a cause.
 
     Nominal parameters stay fixed unless free ones reduce the error by _FREER: they were identified on this
     rig.
@@ -66,7 +70,7 @@ def least_left_out(search: Search, chosen: Fit) -> Fit:
     found = {
         free: min(
             [f for f in search.ranked(free) if set(f.hypothesis.causes) == causes and in_file(rig, f)][:_FORMS],
-            key=search.left_out_cost,
+            key=lambda f: EVIDENCE_GAIN * np.log(max(search.left_out_cost(f), 1e-300)) + NUMBER * len(f.point),
             default=None,
         )
         for free in (False, True)
