@@ -15,14 +15,10 @@ from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import VELOCITY, Policy
 from mrdamp.envs.car_task import car_damper
-from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.model import core
 from mrdamp.model.core import Array
 from mrdamp.simulation.roads import iso8608
-from mrdamp.train.evaluate import Act, episodes, forces
-from mrdamp.train.search import EvolutionRun
-from mrdamp.train.settings import Options, settings
 from mrdamp.train.worlds import world
 
 LEVELS = ForceLevels((0.0, 1.0, 2.0), (100.0, 300.0, 400.0), damping=(500.0, 700.0, 1000.0), speed=0.2)
@@ -120,45 +116,6 @@ def test_the_scores_share_of_road_holding_is_a_setting() -> None:
     for score in ({"holding": 1.5}, {"weight": 0.5}, {"holding": "half"}):
         with pytest.raises(InputError, match=r"score\.\w+ is"):
             world(CAR, {}, score=score)  # type: ignore[arg-type]
-
-
-def acting(policy: Policy, task: Task) -> Act:
-    """A policy on the rows of a task."""
-    return lambda seen: policy.commands(seen, forces(task, seen))
-
-
-def test_a_search_scores_candidates_of_a_moving_damper_as_the_policies_they_become(tmp_path: Path) -> None:
-    options = Options(
-        CAR, "es", 0, 1, overrides=("loads=2", "population=4", "noise=0", "current=0"), evaluations=1
-    )
-    chosen = settings(options)
-    assert chosen.viscous
-    run = EvolutionRun(options, chosen, tmp_path)
-    candidates = run.cma.ask()
-    scores = run._scores(candidates)
-    drawn = np.random.SeedSequence(run.draws.entropy, spawn_key=(*run.draws.spawn_key, 0))
-    roads = run.world.draw(np.random.default_rng(drawn), 2)
-    task = run.world.searching(2)
-    for candidate, score in zip(candidates, scores, strict=True):
-        run.cma.average = candidate
-        found, _ = episodes(task, run.world, roads, acting(run.policy(), task))
-        means = {name: float(v.mean()) for name, v in found.items()}
-        assert run.world.score(means) == pytest.approx(score, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("algorithm", "overrides", "said"),
-    [
-        ("es", ("env_kwargs.signals=[acceleration_2,acceleration_1,stroke,force]",), VELOCITY),
-        ("es", ("score.holding=2",), "from 0 to 1"),
-    ],
-)
-def test_settings_that_do_not_fit_are_refused(
-    algorithm: str, overrides: tuple[str, ...], said: str, tmp_path: Path
-) -> None:
-    options = Options(CAR, algorithm, overrides=overrides)
-    with pytest.raises(InputError, match=said):
-        EvolutionRun(options, settings(options), tmp_path)
 
 
 @pytest.mark.slow

@@ -22,9 +22,6 @@ from mrdamp.train.worlds import world
 
 Array = NDArray[np.float64]
 FRAME, CABLE, CAR = "mrdamp/Frame-v0", "mrdamp/Cable-v0", "mrdamp/QuarterCar-v0"
-SEEN = {"action_in_observation": False}
-
-
 def policyish(task: Task, largest: float) -> Act:
     """Half the command where the force resists the first measurement, else none."""
 
@@ -71,8 +68,9 @@ def test_episodes_of_a_search_are_those_of_the_engine(environment: str, toleranc
     [(FRAME, "clipped-optimal:balance=30,r=1e-6"), (CABLE, "clipped-optimal"), (CAR, "lq-tracking:r=1")],
 )
 def test_states_of_the_observer_are_shares_of_the_wanted_force(environment: str, spec: str) -> None:
+    seen_alone: dict[str, Any] = {"action_in_observation": False}
     floors = [*(f"acceleration_{j}" for j in (1, 2, 3)), "displacement_1", "force"]
-    chosen = world(environment, {**SEEN, "signals": floors} if environment == FRAME else SEEN)
+    chosen = world(environment, {**seen_alone, "signals": floors} if environment == FRAME else seen_alone)
     observer = estimated(chosen, spec)
     task = chosen.task(1)
     controller = chosen.stage(task, spec).controller
@@ -89,4 +87,4 @@ def test_states_of_the_observer_are_shares_of_the_wanted_force(environment: str,
     with pytest.raises(InputError, match="no Kalman filter"):
         estimated(chosen, "passive-on")
     with pytest.raises(InputError, match="is not observed"):
-        estimated(world(environment, {**SEEN, "signals": ["stroke", "force"]}), spec)
+        estimated(world(environment, {**seen_alone, "signals": ["stroke", "force"]}), spec)
