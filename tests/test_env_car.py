@@ -24,7 +24,6 @@ from mrdamp.simulation.comfort import weighted_rms, wk, wk_sections
 from mrdamp.simulation.roads import CLASSES, Road, bump, iso8608, read_road
 from mrdamp.structures.cars import QuarterCar
 from networks import random_network
-from refusals import says_that_it_diverged
 from test_env_chain import BOUC_WEN, OBSERVED, REWARDED, actions, off
 from test_env_chain import LAWS as FRAME_LAWS
 
@@ -240,9 +239,3 @@ def test_the_shipped_model_is_the_environments() -> None:
             mujoco.mj_step(model, data)
         ends.append([*data.qpos[1:], *data.qvel[1:]])
     np.testing.assert_allclose(ends[0], ends[1], rtol=1e-9)
-
-
-def test_faults_are_told() -> None:
-    with pytest.raises(InputError, match="car: wheel is 0"):
-        QuarterCar(wheel=0.0)
-    says_that_it_diverged(CarTask(2, engine="chain"))

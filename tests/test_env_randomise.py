@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import math
-import pickle
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import mujoco
@@ -13,22 +10,12 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from mrdamp.envs import CableEnv, CarEnv, FrameEnv, IsoRoads, SyntheticMotions
+from env_arguments import OWN
+from mrdamp.envs import CableEnv, CarEnv, FrameEnv, StructureEnv, SyntheticMotions
 from mrdamp.envs.cable_loads import AmbientLoads
-from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv
 from mrdamp.structures import ShearFrame, dyke1996
 from refusals import refuses
 
-Make = Callable[..., Any]
-FRAME = {"motions": SyntheticMotions(duration=2.0), "noise": {"acceleration": 0.05}}
-CABLE = {"loads": AmbientLoads(duration=0.5), "bandwidth": 30.0}
-CAR = {"roads": IsoRoads(duration=1.0), "noise": {"force": 1.0}}
-KINDS = [
-    (FrameEnv, FrameVectorEnv, FRAME, {"stiffness": (0.9, 1.1), "mass": (0.9, 1.1), "alpha_b": (0.5, 1.5)}),
-    (CableEnv, CableVectorEnv, CABLE, {"tension": (0.9, 1.1), "driver_lag_tau": (0.0, 0.02)}),
-    (CarEnv, CarVectorEnv, CAR, {"body": (0.8, 1.2), "sensor_gain_g": (0.9, 1.1)}),
-]
-every = pytest.mark.parametrize(("single", "rows", "given", "ranges"), KINDS)
 engines = pytest.mark.parametrize("engine", ["mujoco", "chain"])
 
 
@@ -48,6 +35,7 @@ def test_the_engine_holds_the_drawn_frame() -> None:
     env = FrameEnv(randomise={"stiffness": (0.8, 1.2), "mass": (0.8, 1.2)})
     for seed in range(3):
         drawn = env.reset(seed=seed)[1]["drawn"]
+        assert all(0.8 <= value <= 1.2 for value in drawn.values())
         found = engine_frequencies(env.task.rows.of(0).plants.model)
         expected = np.array([5.46, 15.8, 23.6]) * math.sqrt(drawn["stiffness"] / drawn["mass"])
         np.testing.assert_allclose(found, expected, rtol=5e-3)
@@ -99,33 +87,24 @@ def test_drawn_driver_and_sensor(engine: str) -> None:
     assert measured["force"] == pytest.approx(drawn["sensor_gain_g"] * measured["true_force"], rel=1e-6)
 
 
-@engines
-@every
-def test_rows_and_copies_draw_alike(
-    single: Make, rows: Make, given: Mapping[str, Any], ranges: Mapping[str, Any], engine: str
-) -> None:
-    """A vector environment, a pickle, a deepcopy and a saved state go on as the single one, over the next draw."""
-    env: Any = single(engine=engine, randomise=ranges, **given)
-    many = rows(2, engine=engine, randomise=ranges, **given)
-    _, info = env.reset(seed=5)
-    _, infos = many.reset(seed=5)
-    assert set(info["drawn"]) == set(ranges)
-    for name, (low, high) in ranges.items():
-        assert low <= info["drawn"][name] <= high
-        assert infos["drawn"][name][0] == info["drawn"][name] != infos["drawn"][name][1]
-    actions = np.random.default_rng(0).uniform(-1, 1, (10, 1))
-    for action in actions:
-        found, row = env.step(action), many.step(np.stack([action, action]))
-        np.testing.assert_array_equal(row[0][0], found[0])
-        assert row[1][0] == found[1]
-    state, copies = env.get_state(), [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
-    found, again = env.step(actions[0]), env.reset()[1]["drawn"]
-    assert again != info["drawn"]
-    for other in copies:
-        np.testing.assert_equal(other.step(actions[0])[:2], found[:2])
-        assert other.reset()[1]["drawn"] == again
-    env.set_state(state)
-    np.testing.assert_equal(env.step(actions[0])[:2], found[:2])
+@pytest.mark.parametrize("tau", [0.05, 0.5])
+def test_a_drawn_lag_acts_on_a_structure_of_ones_own(tau: float) -> None:
+    """A step of the command: the mean of u (1 - exp(-t / tau)) over the episode."""
+    env: Any = StructureEnv(OWN, engine="chain", randomise={"driver_lag_tau": (0.01, 1.0)})
+    info = env.reset(seed=3, options={"drawn": {"driver_lag_tau": tau}})[1]
+    duration, over = info["duration"], False
+    while not over:
+        _, _, _, over, info = env.step(np.ones(env.action_space.shape, np.float32))
+    mean = env.task.command_max[0] * (1 - tau / duration * (1 - np.exp(-duration / tau)))
+    assert info["mean_current"] == pytest.approx(mean, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    "given", [{"randomise": {"stiffness": (0.9, 1.1)}}, {"noise": {"force": 5.0}, "engine": "chain"}]
+)
+def test_a_seed_has_one_load(given: dict[str, Any]) -> None:
+    plain, other = (FrameEnv(**some).reset(seed=1)[1] for some in ({}, given))
+    assert (other["motion"], other["pga"]) == (plain["motion"], plain["pga"])
 
 
 @pytest.mark.parametrize(
@@ -142,7 +121,7 @@ def test_rows_and_copies_draw_alike(
         (CableEnv, {"damper_at": (1.0, 60.0)}, "cable"),
     ],
 )
-def test_ranges_are_checked_when_the_environment_is_made(make: Make, ranges: Any, message: str) -> None:
+def test_ranges_are_checked_when_the_environment_is_made(make: Any, ranges: Any, message: str) -> None:
     refuses(lambda: make(randomise=ranges), message)
 
 

@@ -90,18 +90,8 @@ def test_cameras_by_name() -> None:
         assert all(np.any(a != b) for a, b in itertools.pairwise(pictures))
 
 
-def test_a_camera_that_is_not_there() -> None:
-    with pytest.raises(InputError, match="camera is 'top'; allowed: corner, front, damper"):
-        FrameEnv(render_mode="rgb_array", camera="top")
-
-
 def test_a_window_needs_a_display(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(InputError, match="human needs a display"):
         CableEnv(render_mode="human", loads=AmbientLoads(duration=1.0))
-
-
-def test_exaggerations_that_cannot_be() -> None:
-    with pytest.raises(InputError, match="exaggeration is -1"):
-        FrameEnv(exaggeration=-1.0)

@@ -145,6 +145,7 @@ def test_two_columns(tmp_path: Path) -> None:
         ("time_s,acceleration_cm_s2\n0,1\n1,2\n2,3\n", "no acceleration column"),
         ("t,acceleration_m_s2\n0,1\n1,2\n2,3\n", "no time_s column"),
         ("time_s,acceleration_g,acceleration_g\n0,1,2\n1,2,4\n2,3,6\n", "two columns are named 'acceleration_g'"),
+        ("0,1\n10,2\n20,3\n30,1\n", "a sample every 10 s; allowed: up to 0.1 s"),
         ("0,1\n0.01\n0.02,3\n", "line 2 has 1 cells, 2 columns are needed"),
     ],
 )
