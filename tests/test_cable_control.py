@@ -44,14 +44,6 @@ def test_matrices_are_the_integrals_of_the_shapes() -> None:
     np.testing.assert_allclose(cable.at_damper, shapes[:, 1000])
 
 
-def test_modes_of_the_bare_cable() -> None:
-    poles = np.linalg.eigvals(ControlledCable(0.02, ratio=0.01).plant.a)
-    poles = np.sort_complex(poles[poles.imag > 0])
-    low = poles[np.argsort(np.abs(poles))][:8]
-    np.testing.assert_allclose(np.abs(low), np.arange(1, 9), rtol=1e-9)
-    np.testing.assert_allclose(-low.real / np.abs(low), 0.01, rtol=1e-6)
-
-
 @pytest.mark.parametrize(("at", "largest"), [(0.01, 0.50513), (0.02, 1.02113), (0.05, 2.64396)])
 def test_damping_of_the_first_mode_by_the_best_dashpot(at: float, largest: float) -> None:
     # Largest damping of a taut string's first mode, percent, solved from its transcendental equation elsewhere.
@@ -106,18 +98,6 @@ def test_reference_numbers_of_uncontrolled_and_active_cables() -> None:
         gain = cable.optimal_gain()
         assert cable.rms(0 * gain)[0] / best == pytest.approx(uncontrolled, rel=1e-3)
         assert cable.rms(gain)[0] / best == pytest.approx(active, rel=1e-3)
-
-
-def test_the_semi_active_figure_hangs_on_the_control_period() -> None:
-    cable = ControlledCable(0.02)
-    best = cable.rms(cable.best_viscous() * cable.velocity_row)[0]
-    gain = cable.optimal_gain()
-    long, short, locked = (
-        semi_active(cable, gain, period=h, duration=60.0, runs=64, locking=lock)[0] / best
-        for h, lock in ((2e-2, False), (4e-3, False), (2e-2, True))
-    )
-    active = cable.rms(gain)[0] / best
-    assert active < 1.05 * long < short < 0.37 < locked < 0.7
 
 
 @pytest.mark.slow

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from command_call import caller
 from env_arguments import OWN
@@ -40,8 +39,14 @@ from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.criteria import evaluate
 from mrdamp.structures import dyke1996
 
-Array = NDArray[np.float64]
 EARTHQUAKES = Path(__file__).resolve().parents[2] / "shared" / "data" / "earthquakes"
+# Dyke et al. 1996: peak floor displacements and drifts (cm), accelerations (cm/s2), force (N).
+PUBLISHED = {
+    "uncontrolled": [0.538, 0.820, 0.962, 0.538, 0.319, 0.201, 856, 1030, 1400],
+    "passive-off": [0.211, 0.357, 0.455, 0.211, 0.153, 0.103, 420, 480, 717, 258],
+    "passive-on": [0.076, 0.196, 0.306, 0.076, 0.158, 0.110, 281, 494, 767, 979],
+    "clipped-optimal": [0.114, 0.185, 0.212, 0.114, 0.090, 0.101, 696, 739, 703, 941],
+}
 BENCH = FrameBench(preset.frame_model())
 MOTIONS = tuple(kanai_tajimi(seed, duration=6.0, rise=1.0, plateau=2.0, decay=1.0) for seed in (1, 2))
 
@@ -153,20 +158,6 @@ def test_a_linear_frame_has_the_same_ratios_at_every_amplitude_and_processes_do_
     for name in ("active", "on"):
         for key, values in one.values[name].items():
             np.testing.assert_array_equal(values, two.values[name][key])
-
-
-def test_several_files_are_seeds() -> None:
-    rows = (
-        Contender("c", ("constant:value=0.3", "constant:value=1.5")),
-        Contender("d", ("constant:value=0.3",)),
-    )
-    result = compare(BENCH, rows, MOTIONS[:1], (1.0,))
-    values = result.values["c"]["mean_command"]
-    assert values.shape == (2, 1, 1)
-    assert values.ravel() == pytest.approx([0.3, 1.5])
-    s = result.summary("c", "mean_command")
-    assert [s.mean, s.low, s.high] == pytest.approx([0.9, 0.3, 1.5])
-    assert result.against("c", "d", "mean_command").mean == pytest.approx(0.6)
 
 
 def steady_policy(action: float, path: Path) -> None:
@@ -316,6 +307,9 @@ def test_the_command_writes_tables_that_agree(
     assert (out / "kept.jsonl").read_bytes() == before  # nothing was run again
 
 
+ON_A_ROAD = ("car", "--motions", "road.csv", "--controllers", "passive-on", "--jobs", "1", "--speed")
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -330,39 +324,42 @@ def test_the_command_writes_tables_that_agree(
         (("frame", "--compression", "1e-6", "--controllers", "passive-on", "--jobs", "1"), "2.5e+07 s in control"),
         (("cable", "--motions", "a.csv"), "a cable has no ground motion"),
         (("frame", "--compression", "2", "--controllers", "best-constant"), "not tuned for this model yet"),
+        (("frame", "--dampers", "0-9", "--controllers", "passive-on"), "damper_between is"),
+        (("frame", "--dampers", "0-1", "1-2", "--bound", "--controllers", "passive-on"), "--bound is for one damper"),
+        (("frame", "--dampers", "0-1", "1-2", "--controllers", "skyhook-tuned"), "not tuned for this model yet"),
+        (("frame", "--spread", "0", "--controllers", "passive-on", "--engine", "chain"), "--spread 0; allowed"),
+        (("cable", "--dampers", "0-1"), "--dampers is for a frame"),
+        (("cable", "--spread", "5"), "--spread is for a frame"),
+        (("car", "--compression", "2"), "--compression is for ground motions"),
+        (("cable", "--speed", "20", "--controllers", "passive-off"), "--speed is for files of roads"),
+        (("car", "--speed", "20", "--controllers", "passive-off"), "--speed is for files of roads"),
+        (("cable", "--amplitudes", "1", "1.0", "--controllers", "passive-off"), "amplitude 1 is given twice"),
+        # Roads of 4 m at a speed, m/s, that are over at once or never.
+        ((*ON_A_ROAD, "1e9"), "road: 4e-09 s in control periods of 0.005 s"),
+        ((*ON_A_ROAD, "1e-9"), "road: 4e+09 s in control periods of 0.005 s"),
+        (("--preset", "dyke1996"), "no_such.csv: not found"),
         (("--preset", "dyke1996", "--motions", "no.csv"), "no.csv: no such file"),
         (("--preset", "dyke1996", "--motions", "a.csv", "b.csv"), "2 motions; allowed: one"),
     ],
 )
-def test_bad_calls_get_one_line(arguments: tuple[str, ...], says: str) -> None:
+def test_bad_calls_get_one_line(
+    arguments: tuple[str, ...], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(preset, "FILE", "no_such.csv")  # a folder above may hold the real one
+    Path("road.csv").write_text("position_m,height_m\n" + "".join(f"{k / 10},{k % 2 / 100}\n" for k in range(41)))
     with pytest.raises(InputError) as error:
         run("compare", *arguments)
     assert says in str(error.value)
 
 
-@pytest.mark.parametrize("structure", ["frame", "cable", "car", OWN])
+@pytest.mark.parametrize("structure", ["frame", "car", OWN])
 def test_what_the_engine_warns_of_is_not_scored(
     structure: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)  # the engine writes its log here
     with pytest.raises(InputError, match=r"controller .* under .* at amplitude 1e\+13: .*the simulation diverged"):
         run("compare", structure, "--amplitudes", "1e13", "--controllers", "passive-on", "--jobs", "1")
-
-
-@pytest.mark.parametrize(("speed", "lasts"), [("1e9", "4e-09"), ("1e-9", "4e+09")])
-def test_a_road_that_is_over_at_once_or_never_gets_one_line(tmp_path: Path, speed: str, lasts: str) -> None:
-    """4 m at a speed, m/s."""
-    road = tmp_path / "road.csv"
-    road.write_text("position_m,height_m\n" + "".join(f"{k / 10},{k % 2 / 100}\n" for k in range(41)))
-    with pytest.raises(InputError, match=re.escape(f"road: {lasts} s in control periods of 0.005 s")):
-        run("compare", "car", "--motions", road, "--speed", speed, "--controllers", "passive-on", "--jobs", "1")
-
-
-def test_without_el_centro_there_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(preset, "FILE", "no_such.csv")  # a folder above may hold the real one
-    with pytest.raises(InputError, match=r"no_such.csv: not found .* --motions FILE"):
-        run("compare", "--preset", "dyke1996")
 
 
 @pytest.mark.slow
@@ -373,14 +370,14 @@ def test_the_published_table_through_the_command(tmp_path: Path, capsys: pytest.
     out = tmp_path / "out"
     assert run("compare", "--preset", "dyke1996", "--motions", record, "--json", "-o", out) == 0
     data = json.loads(capsys.readouterr().out)
-    # Typed in from the paper: third floor's peak acceleration (cm/s2) and the damper's force (N).
-    a3 = {"uncontrolled": 1400, "passive-off": 717, "passive-on": 767, "clipped-optimal": 703}
-    for name, row in data["rows"].items():
-        assert row["mean_deviation_percent"] <= 2.0, name
-        assert row["found"][8] == pytest.approx(a3[name], rel=0.015)
-        if name != "uncontrolled":
-            force = {"passive-off": 258, "passive-on": 979, "clipped-optimal": 941}[name]
-            assert row["found"][9] == pytest.approx(force, rel=0.02)
+    for name, published in PUBLISHED.items():
+        off = 100 * np.abs(np.array(data["rows"][name]["found"][: len(published)]) / published - 1)
+        assert data["rows"][name]["mean_deviation_percent"] == pytest.approx(off.mean(), abs=0.02)
+        assert off.mean() <= 2.0, name
+        # 6 % for the clipped row and for passive-on's first floor (0.0789 cm in every simulation seen).
+        if name == "passive-on":
+            off[[0, 3]] -= 4.0
+        assert off.max() <= (6.0 if name == "clipped-optimal" else 2.0), name
     assert "clipped-optimal" in (out / "table.md").read_text()
     assert "<svg" in (out / "index.html").read_text()
 

@@ -15,7 +15,6 @@ import pytest
 
 from command_call import caller
 from mrdamp.commands import compare, train
-from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.contenders import contenders
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
@@ -230,35 +229,6 @@ def test_what_is_trained_on_a_users_frame_is_compared_on_it(
     assert measures["J2"]["mean"] == pytest.approx(info["acceleration_ratio"], rel=0.03)
 
 
-def test_the_frame_alone_is_that_of_its_modes(file: Path) -> None:
-    """Free of dampers the ratio of RMS stroke to drift is that of the file's structure: floors 0-1 and 1-2."""
-    made = bench(file)
-    history = made.history(UNCONTROLLED, LOAD, 1.0)
-    peak = made.criteria(UNCONTROLLED, history).peak_stroke
-    assert peak == pytest.approx(np.abs(history.drift[:, :2]).max(), rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("cable", "--dampers", "0-1"), "--dampers is for a frame"),
-        (("car", "--compression", "2"), "--compression is for ground motions"),
-        (("cable", "--spread", "5"), "--spread is for a frame"),
-        (("frame", "--dampers", "0-9", "--controllers", "passive-on"), "damper_between is"),
-        (("frame", "--dampers", "0-1", "1-2", "--bound", "--controllers", "passive-on"), "--bound is for one damper"),
-        (("frame", "--dampers", "0-1", "1-2", "--controllers", "skyhook-tuned"), "not tuned for this model yet"),
-        (("frame", "--spread", "0", "--controllers", "passive-on", "--engine", "chain"), "--spread 0; allowed"),
-    ],
-)
-def test_what_a_frame_with_several_dampers_does_not_have(
-    arguments: tuple[str, ...], says: str, tmp_path: Path
-) -> None:
-    LOAD.save(tmp_path / "shake.csv")
-    more = ("--motions", str(tmp_path / "shake.csv"), "--jobs", "1") if arguments[0] == "frame" else ()
-    with pytest.raises(InputError, match=says.replace("(", r"\(")):
-        run("compare", *arguments, *more)
-
-
 def test_the_pages_command_is_the_one_that_was_given() -> None:
     parser = argparse.ArgumentParser()
     add_to(parser.add_subparsers())
@@ -268,9 +238,3 @@ def test_the_pages_command_is_the_one_that_was_given() -> None:
         a = parser.parse_args(call.split())
         again = parser.parse_args(shlex.split(compare._command(a))[1:])
         assert {k: str(v) for k, v in vars(again).items()} == {k: str(v) for k, v in vars(a).items()}
-
-
-@pytest.mark.parametrize("algorithm", ["es", "adjoint", "ppo"])
-def test_trainings_that_are_for_one_damper_say_so(algorithm: str, tmp_path: Path) -> None:
-    call = ["train", "mrdamp/Frame-v0", "--algo", algorithm, "--set", "env_kwargs.damper_between=[[0,1],[1,2]]"]
-    refuses(lambda: run(*call, "-o", tmp_path / "out"), "training 2 dampers: allowed: algorithms of stable-baselines3")
