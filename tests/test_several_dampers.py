@@ -103,8 +103,8 @@ def test_the_plant_is_the_engines_own(file: Path) -> None:
         state = np.concatenate([np.cumsum(drift), np.cumsum(rate)])
         found = (linear.a @ state - linear.b @ force)[4:]
         np.testing.assert_allclose(found, own, atol=2e-6)
-        stroke, _ = outputs(known, ["stroke", "stroke_2", "stroke_velocity_2"])
-        read = [float(d.sensor(name).data[0]) for name in ("stroke", "stroke_2", "stroke_velocity_2")]
+        stroke, _ = outputs(known, names := ["stroke", "stroke_2", "stroke_velocity_2", "drift_1", "drift_3"])
+        read = [float(d.sensor(name).data[0]) for name in names]
         np.testing.assert_allclose(stroke @ state, read, rtol=1e-9, atol=1e-12)
 
 
