@@ -234,7 +234,7 @@ SITE = registry.Site.of(frame_model())
 
 
 def test_every_named_controller_is_one() -> None:
-    y = {name: size for j in (1, 2, 3) for name, size in ((f"acceleration_{j}", -0.5 * j), (f"displacement_{j}", -1e-3))}
+    y = {f"acceleration_{j}": -0.5 * j for j in (1, 2, 3)} | {f"displacement_{j}": -1e-3 for j in (1, 2, 3)}
     y |= {"stroke_velocity": 0.05, "force": 60.0}
     for kind in registry.OPTIONS:
         controller = registry.make(kind, SITE)
