@@ -17,7 +17,6 @@ from mrdamp.compare.cable import CableBench
 from mrdamp.control.cable import cable_outputs, cable_plant
 from mrdamp.control.clipped_optimal import OptimalForce
 from mrdamp.control.force_control import ForceController
-from mrdamp.control.lqg import kalman_gain
 from mrdamp.control.registry import make
 from mrdamp.control.taut_cable import ControlledCable, semi_active
 from mrdamp.envs.cable_loads import CableLoad
@@ -169,16 +168,6 @@ def test_outputs_of_a_stay_cable() -> None:
     )
     with pytest.raises(InputError, match="measurement 'acceleration_2' is unknown"):
         cable_outputs(cable, (0.1,), ["acceleration_2"])
-
-
-def test_deviations_are_units_of_the_measurements() -> None:
-    # Measured in millimetres with the deviation in millimetres: the same filter.
-    cable = StayCable(modes=2)
-    linear = cable_plant(cable)
-    c, _ = cable_outputs(cable, (0.1,), ["acceleration_1", "stroke"])
-    plain = kalman_gain(linear.a, linear.e, c, 5.0, np.array([0.05, 2e-5]))
-    scaled = kalman_gain(linear.a, linear.e, c * [[1.0], [1e3]], 5.0, np.array([0.05, 2e-2]))
-    np.testing.assert_allclose(plain, scaled * [1.0, 1e3], rtol=1e-6)
 
 
 def ambient(seed: int) -> CableLoad:

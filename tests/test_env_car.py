@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 
 import mujoco
@@ -23,29 +22,9 @@ from mrdamp.model import Model
 from mrdamp.simulation.comfort import weighted_rms, wk, wk_sections
 from mrdamp.simulation.roads import CLASSES, Road, bump, iso8608, read_road
 from mrdamp.structures.cars import QuarterCar
-from networks import random_network
-from test_env_chain import BOUC_WEN, OBSERVED, REWARDED, actions, off
-from test_env_chain import LAWS as FRAME_LAWS
+from test_env_chain import off
 
 CAR = QuarterCar()
-ROAD = iso8608("D", 25.0, 3.0, 5)
-FINE = 2.5e-5  # s, of both: the wheel's acceleration in the engine is of first order
-LAWS: Mapping[str, tuple[Mapping[str, float], float]] = {
-    **FRAME_LAWS,
-    "modified_bouc_wen": ({}, 2.0),  # the car's own
-    "bouc_wen": (BOUC_WEN, 1.0),
-}
-SIGNALS = (
-    "acceleration_1",
-    "acceleration_2",
-    "displacement_1",
-    "displacement_2",
-    "stroke",
-    "force",
-    "current",
-)
-
-
 def dashpot(c: float) -> Model:
     return Model("bingham", {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01, "command_max": 1.0})
 
@@ -199,30 +178,6 @@ def test_the_wheel_leaves_the_road_as_in_scipy(engine: str) -> None:
     away = 440.0 * 9.80665 - 210_000.0 * gap - 120.0 * wheel_rate <= 0  # behind the bump the road is flat
     assert away.any()
     assert off_road / len(rows) == pytest.approx(away.mean(), abs=0.02)
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_every_law_on_the_chain(law: str) -> None:
-    parameters, largest = LAWS[law]
-    weights = random_network(4, (6,)).text() if law == "narx" else None
-    model = Model(law, dict(parameters), weights=weights) if parameters or weights else None
-    reward = {"stroke": 0.2, "airborne": 1.0, "power": 0.1}
-    found = []
-    for engine in ("mujoco", "chain"):
-        task = CarTask(
-            1, engine=engine, timestep=FINE, model=model, command_max=largest, signals=SIGNALS, reward=reward
-        )
-        task.reset([0], [np.random.default_rng(0)], {"road": ROAD})
-        steps = [task.step(action[None]) for action in actions(300)]
-        names = ("observation", "reward", "info")
-        found.append([np.array([getattr(s, k)[0] for s in steps]).astype(float) for k in names])
-    (seen, rewards, info), (chain_seen, chain_rewards, chain_info) = found
-    apart = [off(chain_seen[:, k], seen[:, k]) for k in range(seen.shape[1])]
-    assert max(apart) < OBSERVED, apart
-    assert off(chain_rewards, rewards) < REWARDED
-    for k, name in enumerate(CarTask(1).score.NAMES):
-        assert off(chain_info[:, k], info[:, k]) < (0.05 if "airborne" in name else REWARDED), name
-    assert info[-1, CarTask(1).score.NAMES.index("airborne")] > 0
 
 
 def test_the_shipped_model_is_the_environments() -> None:

@@ -71,12 +71,6 @@ def test_frame_poles_are_those_of_the_matrices() -> None:
     np.testing.assert_allclose(np.abs(found) / (2 * np.pi), dyke1996().frequencies, rtol=1e-4)
 
 
-def test_frequencies_at_the_models_own_step() -> None:
-    model = compiled("frame3")
-    assert model.opt.timestep == 5e-4
-    np.testing.assert_allclose(np.abs(poles(model)) / (2 * np.pi), dyke1996().frequencies, rtol=1e-3)
-
-
 def ground_motion() -> Callable[[float], float]:
     """Sines from 1 to 30 Hz with random phases under a smooth envelope, m/s2, about 3 m/s2 peak."""
     rng = np.random.default_rng(7)

@@ -53,17 +53,6 @@ def test_each_run_stands_over_its_command_in_the_loudest_part() -> None:
     assert fig.axes[0].get_title("right") == f"RMS error {share:.1f} %"
 
 
-def test_large_forces_are_in_kilonewton() -> None:
-    fig = force_tracking([a_track("run", 0.0, scale=100.0)])
-    assert fig.axes[0].get_ylabel() == "force, kN"
-    assert np.abs(lines(fig)[0][0][:, 1]).max() == pytest.approx(120.0, rel=1e-3)
-
-
-def test_nothing_to_show_is_told() -> None:
-    with pytest.raises(InputError, match="at least one run"):
-        force_tracking([])
-
-
 @pytest.mark.slow
 def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     parameters = {"c0a": 400.0, "c0b": 150.0, "fya": 50.0, "fyb": 600.0, "v_ref": 0.01, "command_max": 2.0}

@@ -16,10 +16,10 @@ from mrdamp.commands.inverse import add_to
 from mrdamp.errors import InputError
 from mrdamp.inverse import LawInverse
 from mrdamp.inverse.baselines import Fixed
-from mrdamp.inverse.network import LAGS, NetworkInverse, network_inputs, swapped, train_inverse
-from mrdamp.inverse.rig import Sizes, records_of, with_effects_of_a_rig
+from mrdamp.inverse.network import LAGS, NetworkInverse, train_inverse
+from mrdamp.inverse.rig import Sizes, records_of
 from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, rms, track
-from mrdamp.inverse.trial import motion_like, wanted_force
+from mrdamp.inverse.trial import wanted_force
 from mrdamp.model import Effect, Model
 from mrdamp.narx.data import Series
 
@@ -68,12 +68,6 @@ def test_motion_is_exact_in_its_derivatives_and_of_its_size() -> None:
     assert rms(long[1]) / rms(long[0]) / (2 * np.pi) == pytest.approx(2.466, rel=0.04)
 
 
-def test_levels_are_even_between_0_and_1() -> None:
-    level = random_level(grid(40_000, 5e-3), 2.0, 3)
-    share = np.histogram(level, 4, (0.0, 1.0))[0] / 40_000
-    np.testing.assert_allclose(share, 0.25, atol=0.04)
-
-
 def test_figures_of_a_track() -> None:
     t = grid(4000)
     wanted, square = (
@@ -85,11 +79,6 @@ def test_figures_of_a_track() -> None:
     assert run.relative_error == pytest.approx(5.0 / rms(wanted))
     assert run.mean_command == pytest.approx(1.0)
     assert run.switching(2.0) == pytest.approx(1.5)  # three changes in two seconds, all of the range
-
-
-def test_the_force_that_is_judged_is_the_dampers() -> None:
-    run = track(MODEL, MOTION, np.zeros(4000), Fixed(1.2))
-    np.testing.assert_allclose(run.force, force_of(run.velocity, np.full(4000, 1.2)), atol=0.5)
 
 
 @pytest.mark.parametrize("kind", ["between", "unrelated"])
@@ -126,24 +115,6 @@ def test_a_ringing_of_the_wanted_force_is_not_led() -> None:
     assert error < quiet.relative_error + 0.05 < 0.13
 
 
-def test_the_network_finds_the_command_of_a_damper_in_closed_form() -> None:
-    net = network()
-    assert (net.low, net.period) == (0.0, 2e-3)
-    net.reset()
-    v, levels = 0.06, np.repeat([0.3, 1.0, 1.7, 0.6], 40)
-    got, current = [], levels[0]
-    for k, level in enumerate(levels):
-        y = {
-            "stroke": v * (k * 2e-3 - 0.16),
-            "stroke_velocity": v,
-            "force": float(force_of(np.array(v), current)),
-        }
-        got.append(net.command(k * 2e-3, float(force_of(np.array(v), level)), y))
-        current = got[-1] + (current - got[-1]) * np.exp(-2e-3 / 0.005)
-    settled = np.array(got).reshape(4, 40)[:, 25:].mean(axis=1)
-    np.testing.assert_allclose(settled, [0.3, 1.0, 1.7, 0.6], atol=0.12)
-
-
 def test_a_network_tracks_as_the_law_does_and_reads_back(tmp_path: Path) -> None:
     t = grid(6000)
     _, v, _ = MOTION.sample(t)
@@ -153,26 +124,6 @@ def test_a_network_tracks_as_the_law_does_and_reads_back(tmp_path: Path) -> None
     runs = [track(MODEL, MOTION, wanted, net) for net in (network(), back)]
     assert runs[0].relative_error < 0.15
     np.testing.assert_array_equal(runs[0].command, runs[1].command)
-
-
-def test_swapped_series_and_inputs_are_in_step() -> None:
-    s = made(5, 50)
-    turned = swapped(s, 3)
-    assert turned.n == 47
-    assert (turned.i[10], turned.force[10], turned.v[10]) == (s.force[13], s.i[10], s.v[10])
-    # Lag `lead` of the turned force is the force measured now.
-    rows = turned.regressors(network_inputs(3, LAGS[1]))
-    at = network_inputs(3, LAGS[1]).index(("i", 3))
-    np.testing.assert_array_equal(rows[10:, at], s.force[10:47])
-
-
-def test_effects_of_a_rig_change_the_force_by_a_part() -> None:
-    sizes = Sizes.of(MODEL, MOTION, 2.0)
-    plant = with_effects_of_a_rig(MODEL, sizes)
-    assert len(plant.effects) > 12
-    assert dict(plant.attributes)["driver_lag_tau"] == 0.005  # its own stays
-    believed, real = (track(m, MOTION, np.zeros(4000), Fixed(2.0)).force for m in (MODEL, plant))
-    assert 0.05 < rms(real - believed) / rms(believed) < 0.4
 
 
 def test_records_of_a_plant_are_its_law_in_closed_form_and_noise() -> None:
@@ -189,14 +140,6 @@ def test_records_of_a_plant_are_its_law_in_closed_form_and_noise() -> None:
         v = record.velocity()
         noise = (record.channel("force_N") - force_of(v, current))[np.abs(v) > 0.04]
         assert rms(noise) == pytest.approx(sizes.noise[2], rel=0.2)
-
-
-def test_a_motion_like_the_records_moves_as_they_do() -> None:
-    records = records_of(MODEL, MOTION, Sizes.of(MODEL, MOTION, 2.0), count=3, seconds=8.0)
-    found = motion_like(records, 7)
-    assert found.rms == pytest.approx(MOTION.rms, rel=0.1)
-    x, v, _ = found.steady(grid(40_000, 5e-3))
-    assert rms(v) / rms(x) == pytest.approx(2 * np.pi * 2.466, rel=0.15)
 
 
 run = caller(add_to)

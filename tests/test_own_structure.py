@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-import gymnasium
 import mujoco
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from scipy.linalg import eigh
 
 from env_arguments import OWN
 from mrdamp import cli
-from mrdamp.compare.benches import bench_of
 from mrdamp.envs import Goal, LinearStructure, Mechanics
 from mrdamp.envs.linear import own_kind
 from mrdamp.envs.plant import RowPlant
@@ -132,46 +130,6 @@ def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
     drift, shaking = Single().uncontrolled(GroundMotion("short", 1e-3, np.full(101, 1.5)), 0.03)
     assert drift == pytest.approx(1.5 / 100 * (1 - np.cos(w * until)), rel=1e-3)
     assert shaking == pytest.approx(mean, rel=0.02)
-
-
-def test_a_motion_file_is_played_as_on_the_frame(tmp_path: Path) -> None:
-    """Five times as fast unless it is said; a motion that is no file as it is."""
-    file = tmp_path / "m.csv"
-    t = np.arange(2001) / 200
-    np.savetxt(
-        file, np.c_[t, np.sin(3 * t)], delimiter=",", header="time_s,ground_acceleration_m_s2", comments=""
-    )
-    env: Any = gymnasium.make("mrdamp/Structure-v0", structure=OWN, engine="chain")
-    for options, lasts, speed in (({}, 2.0, 5.0), ({"compression": 2}, 5.0, 2.0)):
-        info = env.reset(options={"motion": str(file), **options})[1]
-        assert info["duration"] == pytest.approx(lasts)
-        assert info["speed"] == speed
-    for compression, lasts in ((None, 2.0), (1.0, 10.0)):
-        bench = bench_of(OWN, compression=compression)
-        assert bench.read([file], 0.0)[0].duration == pytest.approx(lasts)
-    refuses(lambda: env.reset(options={"compression": 2}), "compression is that of a motion that is given")
-    refuses(lambda: bench_of("car", compression=2.0), "--compression is for ground motions")
-
-
-def test_the_reference_of_an_rms_goal_is_an_rms() -> None:
-    env: Any = gymnasium.make("mrdamp/Structure-v0", structure=OWN, engine="chain")
-    reference = env.reset(seed=3)[1]["reference_shaking"]
-    over = False
-    while not over:
-        _, _, _, over, info = env.step(np.array([-1.0], np.float32))
-    assert info["rms_shaking"] / reference == pytest.approx(info["shaking_ratio"], rel=1e-6)
-
-
-def test_engine_and_chain_say_the_same_of_an_episode() -> None:
-    found = []
-    for engine in ("mujoco", "chain"):
-        env: Any = gymnasium.make("mrdamp/Structure-v0", structure=OWN, engine=engine, timestep=2.5e-4)
-        env.reset(seed=4)
-        for k in range(400):
-            observation, reward, _, _, info = env.step(np.array([np.sin(0.1 * k)], np.float32))
-        found.append([*observation, info["shaking_ratio"], info["bearings_ratio"], info["dissipated_energy"]])
-        assert reward == pytest.approx(sum(v for name, v in info.items() if name.startswith("reward_")))
-    np.testing.assert_allclose(found[0], found[1], rtol=0.03, atol=0.01)
 
 
 @pytest.mark.slow

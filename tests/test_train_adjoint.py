@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -231,67 +229,3 @@ def test_what_is_known_ahead_is_the_motion_so_much_later(run: AdjointRun) -> Non
     known = loop.adjoint(seen, by_channel, slopes)
     slopes[:, :, size:] = 1e3
     np.testing.assert_array_equal(loop.adjoint(seen, by_channel, slopes), known)
-
-
-@pytest.mark.slow
-def test_the_gradient_of_a_shipped_policy_is_its_difference_between_jumps(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Along the gradient, under synthetic motions: forward differences while every period keeps the sign of its force.
-
-    The signs may change as they like for a step of the size that Adam takes: then the mean over loads is as predicted.
-    """
-    many = 6
-    given = Options(algorithm="adjoint", overrides=(f"loads={many}", "start=adjoint", "current=0", "noise=0"))
-    run = AdjointRun(given, settings(given), tmp_path)
-    loads, along = run.world.draw(np.random.default_rng(5), many), run.soft._along
-    signs: list[Any] = []
-
-    def kept(wanted: Any, seen: Any) -> Any:
-        signs.append(along(wanted, seen))
-        return signs[-1]
-
-    def values() -> np.ndarray:
-        """(many,) of each load, as `AdjointRun.value` adds them up."""
-        found = run.loop.run(loads, run.soft.commands, 0.0, np.random.default_rng(0))
-        total = np.zeros(many)
-        for group, share, reference in zip(run.loop.groups, run.world.shares, run.loop.references().T, strict=True):
-            size = np.abs(found.channels[:, :, group])
-            size *= (np.arange(len(size))[:, None] <= found.lasts)[:, :, None]
-            total += share / reference * (size**20).sum(axis=(0, 2)) ** (1 / 20)
-        return total
-
-    monkeypatch.setattr(run.soft, "_along", kept)
-    base = run.loop.run(loads, run.soft.commands, 0.0, np.random.default_rng(0))
-    by_channel = many * run.value(base)[1]
-    seen = torch.from_numpy(base.observations.reshape(base.commands.size, -1)).requires_grad_(True)
-    commands = run.soft(seen)
-    slopes = torch.autograd.grad(commands.sum(), seen, retain_graph=True)[0].double().numpy()
-    each = run.loop.adjoint(base, by_channel, slopes.reshape(*base.commands.shape, -1))
-    parameters = list(run.soft.parameters())
-
-    def of(rows: np.ndarray) -> list[Any]:
-        weighed = torch.from_numpy((each * rows).reshape(-1).astype(np.float32)) * commands
-        return list(torch.autograd.grad(weighed.sum(), parameters, retain_graph=True))
-
-    whole = of(np.full(many, 1 / many))
-    length = math.sqrt(sum(float((g**2).sum()) for g in whole))
-    direction = [g / length for g in whole]
-    predicted = np.array(
-        [sum(float((a * b).sum()) for a, b in zip(of(row), direction, strict=True)) for row in np.eye(many)]
-    )
-    begin = [p.detach().clone() for p in parameters]
-
-    def difference(step: float, held: bool) -> np.ndarray:
-        ends = []
-        for sign in (1, -1):
-            monkeypatch.setattr(run.soft, "_along", Mock(side_effect=list(signs)) if held else along)
-            with torch.no_grad():
-                for p, q, d in zip(parameters, begin, direction, strict=True):
-                    p.copy_(q + sign * step * d)
-            ends.append(values())
-        return np.asarray((ends[0] - ends[1]) / (2 * step))
-
-    smooth = difference(3e-4, held=True)
-    np.testing.assert_allclose(predicted, smooth, rtol=0.02, atol=0.02 * np.abs(smooth).max())
-    assert difference(3e-3, held=False).mean() == pytest.approx(predicted.mean(), rel=0.1)
