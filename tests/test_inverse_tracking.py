@@ -16,7 +16,7 @@ from mrdamp.commands.inverse import add_to
 from mrdamp.errors import InputError
 from mrdamp.inverse import LawInverse
 from mrdamp.inverse.baselines import Fixed
-from mrdamp.inverse.network import LAGS, NetworkInverse, train_inverse
+from mrdamp.inverse.network import LAGS, NetworkInverse, swapped, train_inverse
 from mrdamp.inverse.rig import Sizes, records_of
 from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, rms, track
 from mrdamp.inverse.trial import wanted_force
@@ -124,6 +124,12 @@ def test_a_network_tracks_as_the_law_does_and_reads_back(tmp_path: Path) -> None
     runs = [track(MODEL, MOTION, wanted, net) for net in (network(), back)]
     assert runs[0].relative_error < 0.15
     np.testing.assert_array_equal(runs[0].command, runs[1].command)
+
+
+def test_swapped_series_have_the_force_of_later_in_the_commands_place() -> None:
+    s = made(5, 50)
+    turned = swapped(s, 3)
+    assert (turned.n, turned.i[10], turned.force[10], turned.v[10]) == (47, s.force[13], s.i[10], s.v[10])
 
 
 def test_records_of_a_plant_are_its_law_in_closed_form_and_noise() -> None:
