@@ -25,7 +25,6 @@ from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import shipped_policies
 from mrdamp.compare.motions import (
     read_motions,
-    unseen_motions,
 )
 from mrdamp.compare.page import comparison_page
 from mrdamp.compare.runner import run_all
@@ -108,16 +107,6 @@ def test_an_interrupt_is_heard_by_one_process_alone() -> None:
     """Others would print a traceback each; in a process of its own, so that no workers of another test are used."""
     done = subprocess.run([sys.executable, "-c", LISTENERS], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["True", "True", "False", "False", "True"]
-
-
-def test_the_motions_of_test_and_tuning_are_different_ones() -> None:
-    tests, tuned = unseen_motions(), BENCH.tuning_loads()
-    assert not {m.name for m in tests} & {m.name for m in tuned}
-    for a in tests:
-        for b in tuned[::7]:  # each at seven amplitudes
-            n = min(a.n, b.n)
-            assert abs(np.corrcoef(a.acceleration[:n], b.acceleration[:n])[0, 1]) < 0.35
-    assert all(m.pga == pytest.approx(3.4, rel=1e-3) for m in tests)
 
 
 def test_an_outcome_is_what_the_run_says() -> None:

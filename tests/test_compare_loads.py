@@ -83,11 +83,12 @@ def test_of_two_records_a_source_makes_two_loads_and_says_that_tuning_had_them()
     assert len(compare(own, [CONSTANT], own.unseen_loads(), [1.0]).notes) == 1
 
 
-def test_of_drawn_motions_none_is_known(bench: Bench) -> None:
-    loads = list(bench.unseen_loads())
-    assert distinct(bench, loads) == loads
-    known = {bench.likeness(load) for load in bench.tuning_loads()}
-    assert not known & {bench.likeness(load) for load in loads}
+@pytest.mark.parametrize("structure", ["frame", OWN])
+def test_of_drawn_motions_none_is_known(structure: str) -> None:
+    made = bench_of(structure, engine="chain")
+    loads = list(made.unseen_loads())
+    assert distinct(made, loads) == loads
+    assert not {made.likeness(load) for load in made.tuning_loads()} & {made.likeness(load) for load in loads}
 
 
 def test_a_file_that_is_named_twice_is_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

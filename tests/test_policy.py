@@ -112,15 +112,6 @@ def test_written_and_read_it_gives_the_same_commands(tmp_path: Path) -> None:
     assert (again.name, again.period, again.about) == ("p", 2e-3, {"seed": 3})
 
 
-def test_many_rows_at_once_are_the_single_ones() -> None:
-    p = policy(LEVELS)
-    rng = np.random.default_rng(1)
-    seen = rng.standard_normal((7, p.observer.size)).astype(np.float32)
-    force = 100.0 * rng.standard_normal(7)
-    each = [float(p.commands(seen[k : k + 1], force[k : k + 1])[0]) for k in range(7)]
-    assert p.commands(seen, force) == pytest.approx(each, rel=1e-12)
-
-
 def test_a_released_damper_has_no_command_where_it_holds_more_than_is_wanted() -> None:
     released = replace(LEVELS, release=True)
     wanted, force = (

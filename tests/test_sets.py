@@ -13,7 +13,7 @@ import pytest
 from dampers import grid
 from excitation import constant, multisine, sine
 from mrdamp import sets
-from mrdamp.errors import InputError
+from refusals import refuses
 from twin_laws import value
 from twins import simulate
 
@@ -40,6 +40,7 @@ FOAM_TANH_CM = {
 
 @pytest.mark.parametrize("id", sets.names())
 def test_set_is_complete(id: str) -> None:
+    refuses(lambda: sets.load("rd8041"), f"rd8041.*{id}")
     found = sets.load(id)
     assert found.id == id
     names = tuple(found.parameters)
@@ -71,15 +72,6 @@ def test_files_and_table_agree() -> None:
         data = json.loads(folder.joinpath(f"{row[1].strip(' `')}.json").read_text(encoding="utf-8"))
         assert row[5].strip() == data["status"]
         assert f"`{data['law']}`" in row[3]
-
-
-def test_unknown_set_is_one_line_with_those_there_are() -> None:
-    with pytest.raises(InputError) as caught:
-        sets.load("rd8041")
-    text = str(caught.value)
-    assert "rd8041" in text
-    assert all(name in text for name in sets.names())
-    assert "\n" not in text
 
 
 @pytest.mark.parametrize(
