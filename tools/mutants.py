@@ -36,7 +36,7 @@ TREE = WORK / "tree"
 RESULTS = WORK / "results.json"
 _TIME = 900  # s, of the tests of one mutant
 _NO_TESTS = 5  # exit code of pytest
-_COPIED = ("src", "tests", "tools", "studies", "models_xml")
+_COPIED = ("src", "tests", "tools", "studies", "models_xml", "examples")
 #: Packs take most of the compiler's time; they have the numbers of the plain library, to the bit.
 _NO_PACKS = ('MATCHES "x86_64|AMD64"', 'MATCHES "none"')
 _SWITCH = """#include <cstdlib>
