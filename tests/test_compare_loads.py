@@ -20,8 +20,10 @@ from mrdamp.compare.goals import GoalBench
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
+from mrdamp.control.replay import Replay
 from mrdamp.envs import RecordedMotions, StructureEnv
 from mrdamp.envs.linear import own_kind
+from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
 from refusals import refuses
 
@@ -265,3 +267,52 @@ def test_json_stays_json_beside_what_a_controller_prints(
     out, err = capfd.readouterr()
     assert "mine" in json.dumps(json.loads(out))
     assert "reset" in err
+
+
+#: Ends within a swing: the largest drifts come after it.
+LATE = GroundMotion("late", 5e-3, np.linspace(0.0, 1.0, 101) ** 4)
+NOTHING = Model(
+    "bingham", {"c0a": 1e-9, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 1.0, "command_max": 1.0}
+)
+
+
+def late(structure: str) -> Any:
+    if structure == OWN:
+        return LATE
+    load = bench_of(structure).unseen_loads()[0]
+    return (
+        replace(load, force=load.force[:100])
+        if structure == "cable"
+        else replace(load, height=load.height[:300])
+    )
+
+
+@pytest.mark.parametrize("structure", ["cable", "car", OWN])
+def test_a_constant_command_has_one_score_at_every_period(structure: str) -> None:
+    """Of a controller of its own period, and of all controllers by `period`; the same seconds by the same engine."""
+    load, found = late(structure), []
+    for own, period in (
+        (5e-4, 5e-3),
+        (1e-3, 5e-3),
+        (2e-3, 5e-3),
+        (5e-3, 5e-3),
+        (2e-2, 5e-3),
+        (1e-3, 1e-3),
+        (2e-2, 2e-2),
+    ):
+        bench = bench_of(structure, engine="chain", period=period)
+        kept = bench.driven(Replay([bench.command_max], own), load, 1.0)  # type: ignore[attr-defined]
+        values = bench.values(kept, bench.run("uncontrolled", load, 1.0))
+        found.append([values[m.key] for m in bench.measures if m.ratio])
+    np.testing.assert_allclose(found, found[:1] * len(found), rtol=1e-5)
+
+
+@pytest.mark.parametrize("period", [5e-4, 3e-3, 2e-2])
+def test_a_damper_that_does_nothing_has_the_ratios_of_none(period: float) -> None:
+    """At fine steps: a run's means and peaks are over the starts of steps, and this load ends where it is largest."""
+    made: Any = bench_of(OWN, NOTHING, engine="chain")
+    bench = replace(made, timestep=6.25e-5)
+    values = bench.values(
+        bench.driven(Replay([0.0], period), LATE, 1.0), bench.run("uncontrolled", LATE, 1.0)
+    )
+    assert [values["shaking"], values["bearings"]] == pytest.approx([1.0, 1.0], abs=1e-3)

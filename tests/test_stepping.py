@@ -117,7 +117,7 @@ def smooth_inputs() -> dict[str, Array]:
     return {"ground_acceleration_m_s2": np.asarray(ground), "command": 1 + 0.9 * np.sin(2 * np.pi * 1.7 * t)}
 
 
-FRAMES = {
+FRAMES: dict[tuple[str, Any], ShearFrame] = {
     **{(effects, between): replace(dyke1996(), damper_between=between)
        for effects in FRAME_EFFECTS for between in ((0, 1), (1, 2), (0, 3), (2, 1))},
     **{("none", n): ShearFrame(np.full(n, 90.0), np.full(n, 4e5), np.full(n, 80.0)) for n in (1, 2, 7)},
