@@ -6,7 +6,6 @@ import cmath
 import math
 import tracemalloc
 import xml.etree.ElementTree as ET
-from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -26,9 +25,9 @@ from mrdamp.envs import (
     cable_damper,
 )
 from mrdamp.envs.cable_xml import chain_xml, modal_xml
-from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
+from refusals import refuses
 
 
 def dashpot(c: float) -> Model:
@@ -83,8 +82,7 @@ def test_the_shipped_chain_is_the_default_cable_with_sag() -> None:
     "values", [{"length": 0.0}, {"tension": -1.0}, {"sag": -1.0}, {"damper_at": 1.0}, {"modes": 0}]
 )
 def test_cables_that_cannot_be(values: dict[str, Any]) -> None:
-    with pytest.raises(InputError, match="cable: "):
-        StayCable(**values)
+    refuses(lambda: StayCable(**values), "cable: ")
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "chain"])
@@ -99,23 +97,6 @@ def test_accelerometers_with_a_bandwidth_are_scipys_filter_of_the_mean_accelerat
     read, velocity = np.split(np.array(found), 2, axis=1)
     mean = np.diff(velocity, axis=0, prepend=0.0) / 5e-3
     np.testing.assert_allclose(read, lfilter(*butter(2, 15.0, fs=200.0), mean, axis=0), atol=1e-9)
-
-
-@pytest.mark.slow
-def test_what_an_accelerometer_with_a_bandwidth_reads_does_not_hang_on_the_modes() -> None:
-    """At five times the damper's distance, under commands that switch; without a bandwidth it does."""
-    load = WindLoads(duration=3.0).draw(np.random.default_rng(3), StayCable().length)
-    rms: dict[float | None, list[float]] = {}
-    for bandwidth in (15.0, None):
-        for modes in (10, 40):
-            cable = replace(StayCable(), modes=modes)
-            plant = CablePlant(cable, bandwidth=bandwidth, timestep=6.25e-5, engine="chain")
-            plant.reset(load)
-            rng = np.random.default_rng(1)
-            found = [plant.step(rng.choice([0.0, 4.0]))["acceleration_2"] for _ in range(580)]
-            rms.setdefault(bandwidth, []).append(float(np.std(found)))
-    assert rms[15.0][1] == pytest.approx(rms[15.0][0], rel=0.05)
-    assert rms[None][1] != pytest.approx(rms[None][0], rel=0.2)
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "chain"])

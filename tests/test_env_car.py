@@ -19,18 +19,17 @@ from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov, 
 from excitation import Array
 from mrdamp import cli, models_xml
 from mrdamp.compare.car import CarBench
-from mrdamp.compare.plant_run import run_plant
 from mrdamp.control.car import HookForce, Switching, add_switch, sh_add_switch, skyhook_switch
 from mrdamp.control.car_plant import car_plant, regulated
 from mrdamp.control.registry import make
 from mrdamp.envs import Bumps, CarPlant, CarTask, RecordedRoads
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_xml import car_xml
-from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.simulation.comfort import weighted_rms, wk, wk_sections
 from mrdamp.simulation.roads import CLASSES, Road, bump, iso8608, read_road
 from mrdamp.structures.cars import QuarterCar
+from refusals import refuses
 from test_env_chain import off
 
 CAR = QuarterCar()
@@ -83,10 +82,8 @@ def test_bumps_and_files(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.at([0.0, 0.25, 1.0, 1.5, 9.0]), [0.0, 0.01, 0.0, 0.02, 0.04], atol=1e-12)
     assert RecordedRoads([file], speed=(3.0, 3.0)).draw(np.random.default_rng(0)).speed == 3.0
     file.write_text("position_m,height_m\n0,0.01\n0,0.02\n2,0.01\n")
-    with pytest.raises(InputError, match=r"lane\.csv: 3 positions"):
-        read_road(file, 2.0)
-    with pytest.raises(InputError, match="road class is 'E'; allowed: A, B, C, D"):
-        iso8608("E", 20.0, 5.0, 1)
+    refuses(lambda: read_road(file, 2.0), r"lane\.csv: 3 positions")
+    refuses(lambda: iso8608("E", 20.0, 5.0, 1), "road class is 'E'; allowed: A, B, C, D")
     assert Bumps().draw(np.random.default_rng(1)).height.max() > 0.02
 
 
@@ -105,8 +102,7 @@ def test_the_weighting_is_the_standards() -> None:
         if f <= 31.5:
             found = weighted_rms(np.sqrt(2) * np.sin(2 * np.pi * f * time), 1e-3)
             assert found == pytest.approx(weight, rel=0.02), f
-    with pytest.raises(InputError, match="sample time"):
-        wk_sections(5e-3)
+    refuses(lambda: wk_sections(5e-3), "sample time")
 
 
 # --- the model ----------------------------------------------------------------------------
@@ -123,14 +119,13 @@ def test_rms_values_are_lyapunovs() -> None:
     assert np.std(load) == pytest.approx(wanted[1], rel=0.05)
 
 
-@pytest.mark.parametrize("command", [-1.0, -0.6])
-def test_what_a_damper_dissipates_is_the_roads(command: float) -> None:
+def test_what_a_damper_dissipates_is_the_roads() -> None:
     """Zuo and Zhang 2013, doi 10.1115/1.4007562: pi^2 G_r V k_t, whatever the damper; G_r = 0.1^2 G(0.1)."""
     task = CarTask(1, car=QuarterCar(tyre_damping=0.0), engine="chain")
     road = iso8608("B", 25.0, 120.0, 4)
     task.reset([0], [np.random.default_rng(0)], {"road": road})
     for _ in range(round(road.duration / 5e-3)):
-        info = task.step(np.array([[command]])).info[0]
+        info = task.step(np.array([[-0.6]])).info[0]
     found = info[task.score.NAMES.index("dissipated_energy")] / road.duration
     assert found == pytest.approx(math.pi**2 * 0.01 * CLASSES["B"] * 25.0 * 210e3, rel=0.06)
 
@@ -291,10 +286,8 @@ def test_mpc_is_the_discrete_regulator_where_nothing_binds(monkeypatch: pytest.M
 
 def test_what_mpc_needs_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "osqp", None)
-    with pytest.raises(InputError, match=r"clipped-mpc needs osqp, .* pip install 'mrdamp\[mpc\]'"):
-        make("clipped-mpc", SITE)
-    with pytest.raises(InputError, match="option 'beta' is unknown; allowed: alpha, leak, level"):
-        make("sh-add:beta=1", SITE)
+    refuses(lambda: make("clipped-mpc", SITE), r"clipped-mpc needs osqp, .* pip install 'mrdamp\[mpc\]'")
+    refuses(lambda: make("sh-add:beta=1", SITE), "option 'beta' is unknown; allowed: alpha, leak, level")
     assert isinstance(make("sh-add", SITE), Switching)
 
 
@@ -320,11 +313,3 @@ def test_the_command_compares_on_a_road_file(tmp_path: Path, capsys: pytest.Capt
     stroke = {name: row["measures"]["stroke"]["mean"] for name, row in result.items()}
     assert stroke["passive-on"] < stroke["sh-add"] < stroke["passive-off"]
     assert "linear suspension" in (out / "table.md").read_text()
-
-
-def test_the_peak_stroke_of_a_run_is_in_metres() -> None:
-    """That of the plant's strokes at the ends of the control periods, or a little more between them."""
-    road = BENCH.unseen_loads()[-1]
-    ends = run_plant(BENCH.plant, road, BENCH.controller("passive-off"), BENCH.measured).stroke
-    kept = BENCH.run("passive-off", road, 1.0)
-    assert np.abs(ends).max() <= kept["peak_stroke"] < 1.1 * np.abs(ends).max()

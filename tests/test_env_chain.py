@@ -16,11 +16,11 @@ from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.envs import AmbientLoads, CableTask, FrameReward, FrameTask
 from mrdamp.envs.task import Task
-from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model, effects_from
 from mrdamp.motions import kanai_tajimi
 from mrdamp.structures import dyke1996
 from networks import random_network
+from refusals import refuses
 
 MOTION = kanai_tajimi(3, duration=5.0, pga=5.0).compressed(5.0)
 OBSERVED, REWARDED = 0.005, 0.01  # RMS of the difference over the RMS
@@ -238,5 +238,4 @@ def test_a_comparison_on_the_chain_says_the_same(controller: str) -> None:
         values = bench.values(bench.run(controller, load, 1.0), free)
         found[engine] = [values[key] for key in ("J1", "J2", "J4", "J5", "mean_command", "mean_current")]
     np.testing.assert_allclose(found["chain"], found["mujoco"], rtol=0.02)
-    with pytest.raises(InputError, match="engine is 'none'"):
-        FrameBench(frame_model(), engine="none")
+    refuses(lambda: FrameBench(frame_model(), engine="none"), "engine is 'none'")

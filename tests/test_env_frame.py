@@ -14,7 +14,6 @@ from gymnasium.utils.env_checker import check_env
 
 import mrdamp.envs
 from env_arguments import needed
-from excitation import Array
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.envs import CableTask, CarTask, FrameEnv, FramePlant, FrameTask, RecordedMotions, SyntheticMotions
@@ -27,39 +26,6 @@ from test_env_view import can_draw
 
 SHORT = SyntheticMotions(duration=4.0)  # 0.8 s as it is played
 STRONG = kanai_tajimi(3, duration=12.0, pga=5.0).compressed(5.0)
-
-
-def commands(n: int) -> Array:
-    return np.repeat(np.random.default_rng(4).choice([0.0, 0.7, 2.25], n // 6 + 1), 6)[:n]
-
-
-@pytest.mark.parametrize("between", [[(0, 1)], [(0, 1), (1, 3), (3, 2)]])
-def test_the_input_is_kinetic_strain_and_dissipated_energy(between: list[tuple[int, int]]) -> None:
-    """Relative to the ground (Uang and Bertero 1990), at every step, within 0.5 % of the largest input."""
-    plant = FramePlant(damper_between=between)
-    plant.reset(STRONG)
-    rows, s = plant.rows, dyke1996()
-    record = [
-        rows.plants.advance(np.full((1, len(between)), u))[0]["sensordata"][0].copy() for u in commands(480)
-    ]
-    data, h = np.concatenate(record), rows.plants.timestep
-    at = rows.plants.sensors
-
-    def columns(name: str, count: int) -> Array:
-        start = at[name].start
-        return data[:, start : start + count]
-
-    drift, rate = columns("drift_1", 3), columns("drift_velocity_1", 3).copy()
-    force, speed = columns("true_force", len(between)), columns("stroke_velocity", len(between)).copy()
-    for velocity in (rate, speed):  # the engine's stand half a step before its positions
-        velocity[:-1] = (velocity[:-1] + velocity[1:]) / 2
-    v = rate.cumsum(axis=1)
-    ground = np.interp(h * np.arange(len(data)), STRONG.time, STRONG.acceleration, right=0.0)
-    given = h * np.cumsum(-(v @ s.mass) * ground)
-    held = 0.5 * (v**2 @ s.mass + drift**2 @ s.stiffness)
-    lost = h * np.cumsum(rate**2 @ s.damping + (force * speed).sum(axis=1))
-    assert np.abs(given - held - lost).max() < 0.005 * given.max()
-    assert held.max() > 0.05 * given.max()
 
 
 def test_gymnasiums_checker_has_nothing_to_say() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from mrdamp.envs import AmbientLoads, CableEnv, CarEnv, FrameEnv
 from mrdamp.envs.view import Image
-from mrdamp.errors import InputError
+from refusals import refuses
 
 
 def can_draw() -> bool:
@@ -71,5 +71,4 @@ def test_motion_is_drawn_larger_than_it_is(make: Callable[..., Any]) -> None:
 def test_a_window_needs_a_display(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(InputError, match="human needs a display"):
-        CableEnv(render_mode="human", loads=AmbientLoads(duration=1.0))
+    refuses(lambda: CableEnv(render_mode="human", loads=AmbientLoads(duration=1.0)), "human needs a display")

@@ -16,6 +16,7 @@ from mrdamp.inverse.base import Extrapolation, command_range
 from mrdamp.inverse.baselines import Fixed, Switching
 from mrdamp.inverse.law import search
 from mrdamp.model import Effect, Model
+from refusals import refuses
 from twin_laws import BoucWen, Law, ModifiedBoucWen, Softening
 
 PERIOD = 1e-3
@@ -196,12 +197,9 @@ def test_search_finds_a_bent_root_and_keeps_the_last_command_without_authority()
 
 def test_bad_input_is_told() -> None:
     open_range = Model("bingham", {k: v for k, v in BINGHAM.items() if not k.startswith("command")})
-    with pytest.raises(InputError, match="no command_max"):
-        command_range(open_range)
+    refuses(lambda: command_range(open_range), "no command_max")
     assert command_range(open_range, (0.0, 1.5)) == (0.0, 1.5)
-    with pytest.raises(InputError, match="from 1 to 0"):
-        command_range(open_range, (1.0, 0.0))
+    refuses(lambda: command_range(open_range, (1.0, 0.0)), "from 1 to 0")
     with pytest.raises(InputError, match="longer than the command's delay"):
         LawInverse(damper(Effect("command_delay", {"d": 0.01})), PERIOD, 0.005)
-    with pytest.raises(InputError, match="period"):
-        LawInverse(damper(), 0.0)
+    refuses(lambda: LawInverse(damper(), 0.0), "period")

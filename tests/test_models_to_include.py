@@ -14,8 +14,8 @@ import pytest
 from excitation import Array
 from mrdamp import models_xml, sets
 from mrdamp.cli import main
-from mrdamp.errors import InputError
 from mrdamp.library import library_path
+from refusals import refuses
 
 ROOT = Path(__file__).parents[1]
 CORNERS = ("fl_", "fr_", "rl_", "rr_")
@@ -92,8 +92,7 @@ def test_a_set_is_a_file_to_include(id: str, tmp_path: Path, capsys: pytest.Capt
 
 
 def test_a_set_that_is_none_is_told() -> None:
-    with pytest.raises(InputError, match="no such set"):
-        models_xml.damper("nobody")
+    refuses(lambda: models_xml.damper("nobody"), "no such set")
 
 
 def test_other_ports_of_the_engine_do_not_take_it_for_a_motor() -> None:

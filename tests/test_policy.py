@@ -92,8 +92,7 @@ def test_a_second_output_adds_a_share_of_the_largest_command() -> None:
     assert p.commands(o, force) == pytest.approx([1.0, 0.0, 0.5, 2.0, 0.0])
     assert p.commands(o * np.array([0, 1], dtype=np.float32), force) == pytest.approx([0.5, 0.5, 0.0, 0.5, 0.5])
     three = Network(((np.zeros((3, 2)), np.zeros(3)),))
-    with pytest.raises(InputError, match="more than two outputs"):
-        Policy("p", 2e-3, observer, np.eye(2), three, 2.0, LEVELS)
+    refuses(lambda: Policy("p", 2e-3, observer, np.eye(2), three, 2.0, LEVELS), "more than two outputs")
 
 
 def test_force_levels_are_the_yield_forces_of_the_bouc_wen_element() -> None:
@@ -309,8 +308,8 @@ def test_levels_that_cannot_be() -> None:
         ((-1.0, 2.0, 3.0), 0.0, "damping"),
         ((1.0, 2.0, 3.0), -1.0, "speed"),
     ):
-        with pytest.raises(InputError, match=said):
-            ForceLevels(MOVING.commands, MOVING.forces, damping=damping, speed=speed)
+        given = {"damping": damping, "speed": speed}
+        refuses(partial(ForceLevels, MOVING.commands, MOVING.forces, **given), said)
 
 
 def test_a_policy_takes_the_velocity_from_what_it_observes(tmp_path: Path) -> None:
@@ -325,8 +324,7 @@ def test_a_policy_takes_the_velocity_from_what_it_observes(tmp_path: Path) -> No
     assert again.command(0.0, y) == p.command(0.0, y)
     data = p.to_dict()
     data["observer"]["signals"][1] = "velocity_1"
-    with pytest.raises(InputError, match=VELOCITY):
-        Policy.from_dict(data)
+    refuses(lambda: Policy.from_dict(data), VELOCITY)
 
 
 def test_the_velocity_is_led_by_signals_that_are_its_rate(tmp_path: Path) -> None:
@@ -340,8 +338,7 @@ def test_the_velocity_is_led_by_signals_that_are_its_rate(tmp_path: Path) -> Non
     led.write(tmp_path / "p.json")
     assert Policy.read(tmp_path / "p.json").ahead == led.ahead
     data["ahead"] = {"acceleration_1": 1e-3}
-    with pytest.raises(InputError, match="ahead"):
-        Policy.from_dict(data)
+    refuses(lambda: Policy.from_dict(data), "ahead")
 
 
 def test_a_file_without_the_new_entries_is_a_policy_as_before() -> None:

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from modules import STUDIES, loaded
-from mrdamp.errors import InputError
 from mrdamp.model import Model
+from refusals import refuses
 from studies.blindtest import rows_file
 from studies.blindtest.score import Row
 
@@ -43,8 +43,7 @@ def test_rows_are_read_as_they_were_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["", "[1]", '[{"case": "a"}]', "{"])
 def test_another_file_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "rows.json").write_text(text)
-    with pytest.raises(InputError, match="no file of scored rows"):
-        rows_file.read(tmp_path / "rows.json")
+    refuses(lambda: rows_file.read(tmp_path / "rows.json"), "no file of scored rows")
 
 
 def test_table_counts_by_group() -> None:

@@ -145,16 +145,3 @@ def test_dahl_sets_have_dahls_closed_form(id: str, kx: float, kw: float, rho: fl
     x, v, _ = motion.sample(t)
     closed = kx * v * 1e3 + kw * (1.0 - np.exp(-rho * x * 1e3))
     np.testing.assert_allclose(force, closed, rtol=1e-6)
-
-
-def test_foam_damper_at_the_test_of_the_paper() -> None:
-    """4 Hz, 0.8 cm, 3 V: Bingham's peak is 10 + 0.2 * 20.1 N; the others as the notes say."""
-    t, peak = grid(5e-4, 0.5), {}
-    for name in ("bingham", "bouc_wen", "tanh"):
-        found = sets.load(f"zapateiro_foam_{name}")
-        peak[name] = np.max(
-            np.abs(simulate(found.law, found.parameters, sine(0.008, 4.0), t, constant(3.0))["force"])
-        )
-    assert peak["bingham"] == pytest.approx(10.0 + 0.2 * 0.8 * 8.0 * math.pi, rel=1e-3)
-    assert peak["bouc_wen"] == pytest.approx(16.6, abs=0.1)
-    assert peak["tanh"] == pytest.approx(28.4, abs=0.1)

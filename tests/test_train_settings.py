@@ -31,8 +31,7 @@ def test_every_algorithm_has_hyperparameters_that_its_environment_takes(
     algorithm: str, environment: str
 ) -> None:
     if algorithm == "adjoint" and environment != FRAME:
-        with pytest.raises(InputError, match="no hyperparameters of adjoint"):
-            settings(Options(environment, algorithm))
+        refuses(lambda: settings(Options(environment, algorithm)), "no hyperparameters of adjoint")
         return
     for file in (None, PLAIN) if algorithm == "ppo" else (None,):
         chosen = settings(Options(environment, algorithm, hyperparameters=file))
@@ -64,8 +63,7 @@ def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:
     ],
 )
 def test_wrong_settings_are_refused(options: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        settings(Options(**options))
+    refuses(lambda: settings(Options(**options)), said)
 
 
 def test_wrong_options_are_refused_in_a_line_by_the_command(
@@ -96,8 +94,7 @@ def test_a_training_of_a_file_that_has_changed_is_refused(tmp_path: Path) -> Non
     train(options, tmp_path / "out")
     assert train(options, tmp_path / "out").curve
     file.write_text(text + "# changed\n")
-    with pytest.raises(InputError, match=r"another content of .*mine\.py"):
-        train(options, tmp_path / "out")
+    refuses(lambda: train(options, tmp_path / "out"), r"another content of .*mine\.py")
 
 
 pytest.importorskip("stable_baselines3", reason="needs the extra train")
