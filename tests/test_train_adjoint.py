@@ -177,6 +177,7 @@ def test_a_training_leaves_its_files_and_goes_on(tmp_path: Path) -> None:
     refuses(lambda: train(options("loads=3", steps=60_000), tmp_path), "other options")
 
 
+@pytest.mark.slow
 def test_a_training_that_was_stopped_goes_on_to_the_last_bit(tmp_path: Path) -> None:
     """Its states, their sizes and Adam's moments are kept: the next steps give the same weights."""
     whole = made(tmp_path / "whole")
