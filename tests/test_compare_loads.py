@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from env_arguments import OWN
+from env_arguments import OWN, dashpot
 from mrdamp import cli
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.benches import bench_of
@@ -23,7 +23,6 @@ from mrdamp.control.policy import Policy
 from mrdamp.control.replay import Replay
 from mrdamp.envs import RecordedMotions, StructureEnv
 from mrdamp.envs.linear import own_kind
-from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
 from refusals import refuses
 
@@ -271,11 +270,6 @@ def test_json_stays_json_beside_what_a_controller_prints(
 
 #: Ends within a swing: the largest drifts come after it.
 LATE = GroundMotion("late", 5e-3, np.linspace(0.0, 1.0, 101) ** 4)
-NOTHING = Model(
-    "bingham", {"c0a": 1e-9, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 1.0, "command_max": 1.0}
-)
-
-
 def late(structure: str) -> Any:
     if structure == OWN:
         return LATE
@@ -310,7 +304,7 @@ def test_a_constant_command_has_one_score_at_every_period(structure: str) -> Non
 @pytest.mark.parametrize("period", [5e-4, 3e-3, 2e-2])
 def test_a_damper_that_does_nothing_has_the_ratios_of_none(period: float) -> None:
     """At fine steps: a run's means and peaks are over the starts of steps, and this load ends where it is largest."""
-    made: Any = bench_of(OWN, NOTHING, engine="chain")
+    made: Any = bench_of(OWN, dashpot(1e-9), engine="chain")
     bench = replace(made, timestep=6.25e-5)
     values = bench.values(
         bench.driven(Replay([0.0], period), LATE, 1.0), bench.run("uncontrolled", LATE, 1.0)

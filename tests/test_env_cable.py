@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
+from env_arguments import dashpot
 from excitation import Array
 from mrdamp import models_xml
 from mrdamp.envs import (
@@ -25,20 +26,14 @@ from mrdamp.envs import (
     cable_damper,
 )
 from mrdamp.envs.cable_xml import chain_xml, modal_xml
-from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
 from refusals import refuses
-
-
-def dashpot(c: float) -> Model:
-    return Model("bingham", {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01})
 
 
 def test_a_point_load_pushes_as_much_as_it_should() -> None:
     """Static: a uniform load's deflection is w L^2 / (8 T) at mid-span of a taut string."""
     cable = StayCable(ratio=0.2, modes=14)
-    damping = Model("bingham", {"c0a": 50.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01})
-    plant = CablePlant(cable, damping, (0.5,), command_max=1.0)
+    plant = CablePlant(cable, dashpot(50.0), (0.5,), command_max=1.0)
     y = plant.reset(CableLoad("even", 1.0, np.array([0.5]), np.full((12, 1), 2.0)))
     while not plant.finished:
         y = plant.step(0.0)

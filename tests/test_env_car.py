@@ -16,6 +16,8 @@ from scipy import signal
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov, solve_discrete_are
 
+from dampers import off
+from env_arguments import dashpot
 from excitation import Array
 from mrdamp import cli, models_xml
 from mrdamp.compare.car import CarBench
@@ -25,18 +27,12 @@ from mrdamp.control.registry import make
 from mrdamp.envs import Bumps, CarPlant, CarTask, RecordedRoads
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_xml import car_xml
-from mrdamp.model import Model
 from mrdamp.simulation.comfort import weighted_rms, wk, wk_sections
 from mrdamp.simulation.roads import CLASSES, Road, bump, iso8608, read_road
 from mrdamp.structures.cars import QuarterCar
 from refusals import refuses
-from test_env_chain import off
 
 CAR = QuarterCar()
-def dashpot(c: float) -> Model:
-    return Model("bingham", {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01, "command_max": 1.0})
-
-
 # --- roads --------------------------------------------------------------------------------
 @pytest.mark.parametrize("road_class", CLASSES)
 def test_a_road_has_the_spectrum_of_its_class(road_class: str) -> None:

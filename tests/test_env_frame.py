@@ -13,7 +13,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import mrdamp.envs
-from env_arguments import needed
+from env_arguments import dashpot, needed
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.envs import CableTask, CarTask, FrameEnv, FramePlant, FrameTask, RecordedMotions, SyntheticMotions
@@ -43,7 +43,7 @@ def test_stable_baselines_checker_has_nothing_to_say() -> None:
 
 def test_the_uncontrolled_run_is_the_reference() -> None:
     """A damper that does nothing has ratios of one; the frame alone is solved elsewhere, by SciPy."""
-    nothing = Model("bingham", {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01})
+    nothing = dashpot(0.0)
     env = FrameEnv(model=nothing, command_max=1.0)
     env.reset(options={"motion": STRONG})
     info: dict[str, Any] = {}

@@ -55,7 +55,8 @@ ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
     },
     "cable": {
         "loads": AmbientLoads(duration=0.3), "noise": {"force": 0.1}, "history": 2, "memory": [3.0],
-        "peaks": {"force": 5.0}, "measured_at": [0.1, 0.5, 0.7],
+        "peaks": {"force": 5.0}, "measured_at": [0.1, 0.5, 0.7], "bandwidth": 30.0,
+        "randomise": {"tension": (0.9, 1.1)},
         "reward": CableReward(acceleration=0.3, power=0.2, energy=0.1, exponent=1.4),
     },
     "car": {

@@ -10,11 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim, lti
 
+from dampers import off
 from mrdamp.model import core
 from mrdamp.model.core import Array, FrameInput
 from mrdamp.simulation.floor_sensors import FloorSensors
 from refusals import refuses
-from test_env_chain import off
 
 BOUC_WEN = {
     "c0a": 300.0, "c0b": 150.0, "alpha_a": 60.0, "alpha_b": 250.0, "gamma": 900.0, "beta": 600.0, "A": 1500.0,

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from env_arguments import OWN
+from env_arguments import OWN, dashpot
 from mrdamp import cli
 from mrdamp.envs import Goal, LinearStructure, Mechanics
 from mrdamp.envs.linear import own_kind
@@ -23,9 +23,6 @@ from refusals import refuses
 
 Isolated: Any = own_kind(OWN)
 DASHPOT = 900.0
-DAMPER = Model(
-    "bingham", {"c0a": DASHPOT, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 1.0, "command_max": 1.0}
-)
 #: kg; storey by storey N/m, N s/m.
 MASS, STIFFNESS, DAMPING = [150.0, 100.0, 100.0, 100.0], [9e4, 9e5, 9e5, 9e5], [250.0, 300.0, 300.0, 300.0]
 
@@ -62,7 +59,7 @@ def test_a_sine_passes_as_the_transfer_function_says(engine: str) -> None:
                 dynamic[j - 1, j] -= each
         x = np.linalg.solve(dynamic, -np.array(MASS, complex))  # per m/s2 of the ground
         motion = GroundMotion("sine", 1e-3, np.sin(w * 1e-3 * np.arange(12_000)))
-        plant = RowPlant(Isolated(DAMPER), engine=engine, timestep=2.5e-4)
+        plant = RowPlant(Isolated(dashpot(DASHPOT)), engine=engine, timestep=2.5e-4)
         plant.reset(motion)
         seen = []
         while not plant.finished:
@@ -93,7 +90,7 @@ def test_an_episode_has_a_period_for_every_instant_up_to_the_last_sample(
         def mechanics(self) -> Mechanics:
             return Mechanics([[1.0]], [[0.0]], [[1e-3]], [1.0], [[-1.0]], absolute=True)  # type: ignore[arg-type]
 
-    nothing = Model("bingham", {**DAMPER.parameters, "c0a": 1e-6})
+    nothing = dashpot(1e-6)
     plant, seen = RowPlant(Loose(nothing), engine=engine, period=period, timestep=1e-4), []
     plant.reset(GroundMotion("late", 5e-3, np.array([0.0, 0.0, 0.0, 0.0, 1.0])))
     while not plant.finished:
@@ -115,7 +112,7 @@ def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
             return Mechanics([[2.0]], [[0.0]], [[200.0]], [1.0], [[-2.0]], absolute=True)  # type: ignore[arg-type]
 
         def damper(self) -> Model:
-            return DAMPER
+            return dashpot(DASHPOT)
 
         def loads(self) -> Any:
             return None

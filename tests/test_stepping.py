@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from dampers import off
 from mrdamp import sets
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
@@ -61,10 +62,6 @@ EFFECTS = {
         Effect("gas_spring", {"k": 3000.0, "k2": 5.0, "f0": 50.0}),
     ),
 }
-
-
-def off(a: Array, b: Array) -> float:
-    return float(np.sqrt(np.mean((a - b) ** 2) / np.mean(b**2)))
 
 
 @pytest.mark.parametrize("effects", EFFECTS)
