@@ -21,7 +21,7 @@ BOUC_WEN = {
     "n": 2.0, "k0": 800.0, "x0": 0.0,
 }  # fmt: skip
 DT = 0.002
-TIME = np.arange(0, 1.6, DT)
+TIME = np.arange(0, 1.0, DT)
 
 
 def motion(t: Array | float) -> Array:

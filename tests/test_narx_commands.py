@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,6 @@ import pytest
 
 from command_call import caller
 from mrdamp.commands.identify import add_to
-from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.narx import splits
 from mrdamp.narx.checkpoint import Checkpoint
@@ -20,6 +20,7 @@ from mrdamp.narx.network import Network
 from mrdamp.records import Record, RecordSet, embedded
 from mrdamp.simulation.stepping import drive_rig
 from narx_data import made, motion, recursion, small
+from refusals import refuses
 
 SMALL = ("--law", "narx", "--hidden", "4", "--lags", "1", "--initialisations", "1")
 
@@ -134,9 +135,7 @@ def test_protocols_take_the_records_that_they_say() -> None:
         ),
     )
     for call, message in cases:
-        with pytest.raises(InputError, match=message) as found:
-            call()
-        assert "\n" not in str(found.value)
+        refuses(call, message)
 
 
 @pytest.mark.slow
@@ -223,9 +222,7 @@ def test_bad_input_is_told_in_a_line(folder: Path, tmp_path: Path) -> None:
         ((folder, *SMALL, "--jobs", "0"), "--jobs"),
     )
     for arguments, message in cases:
-        with pytest.raises(InputError, match=message) as found:
-            run("identify", *arguments, "-o", out)
-        assert "\n" not in str(found.value)
+        refuses(partial(run, "identify", *arguments, "-o", out), message)
         assert not out.exists()
 
 

@@ -308,7 +308,7 @@ def test_levels_that_cannot_be() -> None:
         ((-1.0, 2.0, 3.0), 0.0, "damping"),
         ((1.0, 2.0, 3.0), -1.0, "speed"),
     ):
-        given = {"damping": damping, "speed": speed}
+        given: dict[str, Any] = {"damping": damping, "speed": speed}
         refuses(partial(ForceLevels, MOVING.commands, MOVING.forces, **given), said)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,7 @@ from scipy.integrate import solve_ivp
 from mrdamp import models_xml
 from mrdamp.errors import InputError
 from mrdamp.structures import ShearFrame, dyke1996
+from refusals import refuses
 
 
 def test_dyke_frame_has_the_published_matrices_and_modes() -> None:
@@ -88,10 +90,7 @@ def test_dictionary_round_trip() -> None:
 )
 def test_bad_frames_get_one_line(change: dict[str, Any], says: str) -> None:
     good: dict[str, Any] = {"mass": [98.0] * 3, "stiffness": [5e5] * 3, "damping": [50.0] * 3}
-    with pytest.raises(InputError) as error:
-        ShearFrame(**{**good, **change})
-    assert says in str(error.value)
-    assert "\n" not in str(error.value)
+    refuses(lambda: ShearFrame(**{**good, **change}), re.escape(says))
 
 
 def test_a_bad_entry_names_the_file() -> None:
