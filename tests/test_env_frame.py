@@ -133,7 +133,7 @@ def test_spawned_workers_find_an_environment_by_its_package_and_name() -> None:
             seen, reward, _, _ = workers.step(action)
             observation, expected, *_ = here.step(action[0])
             np.testing.assert_array_equal(seen[0], observation)
-            assert reward[0] == np.float32(expected)
+            assert reward[0] == pytest.approx(expected, rel=1e-6)
     finally:
         workers.close()
 
