@@ -1,4 +1,4 @@
-"""Loads of a comparison: which are independent, and which were used before."""
+"""Loads of a comparison: which are independent, which were used before, and how long their runs last."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LQG on a frame: its filter against SciPy, the clipping law, and designs that cannot be."""
+"""LQG on a frame: its filters against SciPy, the clipping law, and designs that cannot be."""
 
 from __future__ import annotations
 

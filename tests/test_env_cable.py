@@ -1,4 +1,4 @@
-"""The cable: frequencies, damping and sag against closed form, its two models against each other, its contract."""
+"""The cable: damping of a taut string, Irvine's frequencies and parabola, energy, its two models and its environment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The quarter car: its model against SciPy and Lyapunov's equation, MuJoCo against the chain, its contract."""
+"""The quarter car: its model against SciPy and Lyapunov's equation, MuJoCo against the chain, and its controllers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The example scripts run as they stand, at a small size, and show what they say."""
+"""The example scripts and the notebook run as they stand, at a small size, and show what they say."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The network as data: derivatives against differences, text, and the free run against the C entry."""
+"""The network as data against differences and the C entry, and Bayesian regularisation against known truths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shear frame: matrices, modes and what it refuses."""
+"""The shear frame: matrices, modes and refusals; the shipped models' mechanics against closed form and SciPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a search runs on against the engine, and what it takes from a classical controller."""
+"""What a search runs on against the engine, what it takes from a classical controller, and the search itself."""
 
 from __future__ import annotations
 

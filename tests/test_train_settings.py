@@ -1,4 +1,4 @@
-"""Settings of a training: defaults, overrides and what is refused."""
+"""Settings of a training: defaults, overrides, what is refused, and trainings that cannot go on."""
 
 from __future__ import annotations
 
