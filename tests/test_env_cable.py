@@ -1,4 +1,4 @@
-"""The cable: damping of a taut string, Irvine's frequencies and parabola, energy, its two models and its environment."""
+"""The cable: damping of a taut string, Irvine's frequencies, energy, its two models and its environment."""
 
 from __future__ import annotations
 
