@@ -100,3 +100,9 @@ def reference(id: str, kind: str, dt: float, end: float) -> dict[str, Array]:
 
 def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+def off(found: Array, wanted: Array) -> float:
+    """RMS of the difference over the RMS."""
+    size = float(np.mean(wanted**2)) or 1.0  # a part of no weight is zero in both
+    return float(np.sqrt(np.mean((found - wanted) ** 2) / size))

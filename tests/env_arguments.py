@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamp.envs import FrameReward, SyntheticMotions
+from mrdamp.model import Model
 
 #: A frame with two dampers, noise, a history and a reward of peaks.
 TWO_DAMPERS: Mapping[str, Any] = {
@@ -24,3 +25,9 @@ OWN = f"{Path(__file__).parents[1] / 'examples' / '08_structure_of_your_own.py'}
 def needed(identity: str) -> dict[str, Any]:
     """Arguments that an environment's id asks for."""
     return {"structure": OWN} if identity == "mrdamp/Structure-v0" else {}
+
+
+def dashpot(c: float) -> Model:
+    """A damper of c N s/m, whatever its command, which is from 0 to 4."""
+    zero = dict.fromkeys(("c0b", "fya", "fyb"), 0.0)
+    return Model("bingham", {"c0a": c, **zero, "v_ref": 0.01, "command_max": 4.0})

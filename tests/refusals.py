@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 
 
@@ -29,12 +26,3 @@ def refusal_of(path: Path, read: Callable[[], Any]) -> str:
     assert "\n" not in text
     assert path.name in text
     return text
-
-
-def says_that_it_diverged(task: Task) -> None:
-    """A task of two rows on the chain, one of which gets a state that is no number."""
-    task.reset([0, 1], [np.random.default_rng(k) for k in range(2)])
-    task.step(np.zeros((2, 1)))
-    task.rows.plants.state[1, 5] = math.nan
-    with pytest.raises(InputError, match="diverged"):
-        task.step(np.zeros((2, 1)))

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from command_call import caller
 from env_arguments import OWN
@@ -26,7 +25,6 @@ from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import shipped_policies
 from mrdamp.compare.motions import (
     read_motions,
-    unseen_motions,
 )
 from mrdamp.compare.page import comparison_page
 from mrdamp.compare.runner import run_all
@@ -39,9 +37,16 @@ from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.criteria import evaluate
 from mrdamp.structures import dyke1996
+from refusals import refuses
 
-Array = NDArray[np.float64]
 EARTHQUAKES = Path(__file__).resolve().parents[2] / "shared" / "data" / "earthquakes"
+# Dyke et al. 1996: peak floor displacements and drifts (cm), accelerations (cm/s2), force (N).
+PUBLISHED = {
+    "uncontrolled": [0.538, 0.820, 0.962, 0.538, 0.319, 0.201, 856, 1030, 1400],
+    "passive-off": [0.211, 0.357, 0.455, 0.211, 0.153, 0.103, 420, 480, 717, 258],
+    "passive-on": [0.076, 0.196, 0.306, 0.076, 0.158, 0.110, 281, 494, 767, 979],
+    "clipped-optimal": [0.114, 0.185, 0.212, 0.114, 0.090, 0.101, 696, 739, 703, 941],
+}
 BENCH = FrameBench(preset.frame_model())
 MOTIONS = tuple(kanai_tajimi(seed, duration=6.0, rise=1.0, plateau=2.0, decay=1.0) for seed in (1, 2))
 
@@ -79,8 +84,7 @@ def test_a_stopped_comparison_goes_on(tmp_path: Path) -> None:
     keep.write_bytes(keep.read_bytes().replace(b'"value": 4', b'"value": 5'))
     assert run_all(third, [1, 2, 3], keep=keep)[1]["value"] == 4  # a changed line is done again
     assert third.done == [2]
-    with pytest.raises(InputError, match="0 jobs"):
-        run_all(third, [1], jobs=0)
+    refuses(lambda: run_all(third, [1], jobs=0), "0 jobs")
 
 
 LISTENERS = """
@@ -105,16 +109,6 @@ def test_an_interrupt_is_heard_by_one_process_alone() -> None:
     assert done.stdout.split() == ["True", "True", "False", "False", "True"]
 
 
-def test_the_motions_of_test_and_tuning_are_different_ones() -> None:
-    tests, tuned = unseen_motions(), BENCH.tuning_loads()
-    assert not {m.name for m in tests} & {m.name for m in tuned}
-    for a in tests:
-        for b in tuned[::7]:  # each at seven amplitudes
-            n = min(a.n, b.n)
-            assert abs(np.corrcoef(a.acceleration[:n], b.acceleration[:n])[0, 1]) < 0.35
-    assert all(m.pga == pytest.approx(3.4, rel=1e-3) for m in tests)
-
-
 def test_an_outcome_is_what_the_run_says() -> None:
     out = BENCH.run("constant:value=0.75", MOTIONS[0], 1.0)
     r = BENCH.history("constant:value=0.75", MOTIONS[0], 1.0)
@@ -135,38 +129,6 @@ def test_an_outcome_is_what_the_run_says() -> None:
     assert values["J1"] == pytest.approx(max(c.peak_drift) / max(bare["criteria"]["peak_drift"]))
     assert values["mean_command"] == pytest.approx(0.75)
     assert score(BENCH, {"J1": 0.2, "J2": 0.5}) == pytest.approx(0.35)
-
-
-@pytest.mark.slow
-def test_a_linear_frame_has_the_same_ratios_at_every_amplitude_and_processes_do_not_matter() -> None:
-    rows = (Contender("active", ("ideal-active",)), Contender("on", ("passive-on",)))
-    one = compare(BENCH, rows, MOTIONS, (0.5, 2.0))
-    np.testing.assert_allclose(
-        one.values["active"]["J1"][0, :, 0], one.values["active"]["J1"][0, :, 1], rtol=2e-3
-    )
-    assert np.isnan(one.values["active"]["mean_command"]).all()
-    assert np.isnan(one.summary("active", "coil_energy").mean)
-    on = one.values["on"]
-    assert abs(on["J1"][0, 0, 0] - on["J1"][0, 0, 1]) > 0.001  # the damper is not linear
-    assert on["mean_command"] == pytest.approx(2.25)
-    two = compare(BENCH, rows, MOTIONS, (0.5, 2.0), jobs=2)
-    for name in ("active", "on"):
-        for key, values in one.values[name].items():
-            np.testing.assert_array_equal(values, two.values[name][key])
-
-
-def test_several_files_are_seeds() -> None:
-    rows = (
-        Contender("c", ("constant:value=0.3", "constant:value=1.5")),
-        Contender("d", ("constant:value=0.3",)),
-    )
-    result = compare(BENCH, rows, MOTIONS[:1], (1.0,))
-    values = result.values["c"]["mean_command"]
-    assert values.shape == (2, 1, 1)
-    assert values.ravel() == pytest.approx([0.3, 1.5])
-    s = result.summary("c", "mean_command")
-    assert [s.mean, s.low, s.high] == pytest.approx([0.9, 0.3, 1.5])
-    assert result.against("c", "d", "mean_command").mean == pytest.approx(0.6)
 
 
 def steady_policy(action: float, path: Path) -> None:
@@ -210,14 +172,10 @@ def test_names_of_contenders() -> None:
         ("mine", ("constant:value=0.2",)),
         ("skyhook:damping=100", ("skyhook:damping=100",)),
     ]
-    with pytest.raises(InputError, match="named twice"):
-        contenders(BENCH, ["skyhook", "skyhook"], {})
-    with pytest.raises(InputError, match="add --tune"):
-        contenders(BENCH, ["skyhook-tuned"], {})
-    with pytest.raises(InputError, match="controller 'nothing' is unknown; there are"):
-        contenders(BENCH, ["nothing"], settings)
-    with pytest.raises(InputError, match="no such policy file"):
-        contenders(BENCH, ["policy:missing.json"], settings)
+    refuses(lambda: contenders(BENCH, ["skyhook", "skyhook"], {}), "named twice")
+    refuses(lambda: contenders(BENCH, ["skyhook-tuned"], {}), "add --tune")
+    refuses(lambda: contenders(BENCH, ["nothing"], settings), "controller 'nothing' is unknown; there are")
+    refuses(lambda: contenders(BENCH, ["policy:missing.json"], settings), "no such policy file")
     for name in ("passive-on", "best-constant", "clairvoyant", "learned"):
         with pytest.raises(InputError, match=f"{name} is the name of another controller"):
             contenders(BENCH, [f"{name}=constant:value=0.2"], settings, {"learned": [Path("a.json")]})
@@ -257,8 +215,7 @@ def test_shipped_settings_belong_to_the_default_bench(bench: FrameBench | CableB
         assert list(periods) == sorted(periods)
         assert list(best) == sorted(best, reverse=True)
         assert setting.periods >= periods[-1]
-    with pytest.raises(InputError, match="nothing to tune in passive-on"):
-        bench.ranges("passive-on")
+    refuses(lambda: bench.ranges("passive-on"), "nothing to tune in passive-on")
 
 
 def test_motions_of_files_and_folders(tmp_path: Path) -> None:
@@ -268,8 +225,7 @@ def test_motions_of_files_and_folders(tmp_path: Path) -> None:
     found = read_motions([tmp_path / "a", tmp_path / "b" / "shake.csv"])
     assert [m.name for m in found] == ["shake", "shake#2"]
     (tmp_path / "c").mkdir()
-    with pytest.raises(InputError, match=r"no \.csv or \.csv\.gz or \.at2 in this folder"):
-        read_motions([tmp_path / "c"])
+    refuses(lambda: read_motions([tmp_path / "c"]), r"no \.csv or \.csv\.gz or \.at2 in this folder")
 
 
 @pytest.fixture
@@ -316,6 +272,9 @@ def test_the_command_writes_tables_that_agree(
     assert (out / "kept.jsonl").read_bytes() == before  # nothing was run again
 
 
+ON_A_ROAD = ("car", "--motions", "road.csv", "--controllers", "passive-on", "--jobs", "1", "--speed")
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -330,39 +289,40 @@ def test_the_command_writes_tables_that_agree(
         (("frame", "--compression", "1e-6", "--controllers", "passive-on", "--jobs", "1"), "2.5e+07 s in control"),
         (("cable", "--motions", "a.csv"), "a cable has no ground motion"),
         (("frame", "--compression", "2", "--controllers", "best-constant"), "not tuned for this model yet"),
+        (("frame", "--dampers", "0-9", "--controllers", "passive-on"), "damper_between is"),
+        (("frame", "--dampers", "0-1", "1-2", "--bound", "--controllers", "passive-on"), "--bound is for one damper"),
+        (("frame", "--dampers", "0-1", "1-2", "--controllers", "skyhook-tuned"), "not tuned for this model yet"),
+        (("frame", "--spread", "0", "--controllers", "passive-on", "--engine", "chain"), "--spread 0; allowed"),
+        (("cable", "--dampers", "0-1"), "--dampers is for a frame"),
+        (("cable", "--spread", "5"), "--spread is for a frame"),
+        (("car", "--compression", "2"), "--compression is for ground motions"),
+        (("cable", "--speed", "20", "--controllers", "passive-off"), "--speed is for files of roads"),
+        (("car", "--speed", "20", "--controllers", "passive-off"), "--speed is for files of roads"),
+        (("cable", "--amplitudes", "1", "1.0", "--controllers", "passive-off"), "amplitude 1 is given twice"),
+        # Roads of 4 m at a speed, m/s, that are over at once or never.
+        ((*ON_A_ROAD, "1e9"), "road: 4e-09 s in control periods of 0.005 s"),
+        ((*ON_A_ROAD, "1e-9"), "road: 4e+09 s in control periods of 0.005 s"),
+        (("--preset", "dyke1996"), "no_such.csv: not found"),
         (("--preset", "dyke1996", "--motions", "no.csv"), "no.csv: no such file"),
         (("--preset", "dyke1996", "--motions", "a.csv", "b.csv"), "2 motions; allowed: one"),
     ],
 )
-def test_bad_calls_get_one_line(arguments: tuple[str, ...], says: str) -> None:
-    with pytest.raises(InputError) as error:
-        run("compare", *arguments)
-    assert says in str(error.value)
+def test_bad_calls_get_one_line(
+    arguments: tuple[str, ...], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(preset, "FILE", "no_such.csv")  # a folder above may hold the real one
+    Path("road.csv").write_text("position_m,height_m\n" + "".join(f"{k / 10},{k % 2 / 100}\n" for k in range(41)))
+    refuses(lambda: run("compare", *arguments), re.escape(says))
 
 
-@pytest.mark.parametrize("structure", ["frame", "cable", "car", OWN])
+@pytest.mark.parametrize("structure", ["frame", "car", OWN])
 def test_what_the_engine_warns_of_is_not_scored(
     structure: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)  # the engine writes its log here
     with pytest.raises(InputError, match=r"controller .* under .* at amplitude 1e\+13: .*the simulation diverged"):
         run("compare", structure, "--amplitudes", "1e13", "--controllers", "passive-on", "--jobs", "1")
-
-
-@pytest.mark.parametrize(("speed", "lasts"), [("1e9", "4e-09"), ("1e-9", "4e+09")])
-def test_a_road_that_is_over_at_once_or_never_gets_one_line(tmp_path: Path, speed: str, lasts: str) -> None:
-    """4 m at a speed, m/s."""
-    road = tmp_path / "road.csv"
-    road.write_text("position_m,height_m\n" + "".join(f"{k / 10},{k % 2 / 100}\n" for k in range(41)))
-    with pytest.raises(InputError, match=re.escape(f"road: {lasts} s in control periods of 0.005 s")):
-        run("compare", "car", "--motions", road, "--speed", speed, "--controllers", "passive-on", "--jobs", "1")
-
-
-def test_without_el_centro_there_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(preset, "FILE", "no_such.csv")  # a folder above may hold the real one
-    with pytest.raises(InputError, match=r"no_such.csv: not found .* --motions FILE"):
-        run("compare", "--preset", "dyke1996")
 
 
 @pytest.mark.slow
@@ -373,14 +333,14 @@ def test_the_published_table_through_the_command(tmp_path: Path, capsys: pytest.
     out = tmp_path / "out"
     assert run("compare", "--preset", "dyke1996", "--motions", record, "--json", "-o", out) == 0
     data = json.loads(capsys.readouterr().out)
-    # Typed in from the paper: third floor's peak acceleration (cm/s2) and the damper's force (N).
-    a3 = {"uncontrolled": 1400, "passive-off": 717, "passive-on": 767, "clipped-optimal": 703}
-    for name, row in data["rows"].items():
-        assert row["mean_deviation_percent"] <= 2.0, name
-        assert row["found"][8] == pytest.approx(a3[name], rel=0.015)
-        if name != "uncontrolled":
-            force = {"passive-off": 258, "passive-on": 979, "clipped-optimal": 941}[name]
-            assert row["found"][9] == pytest.approx(force, rel=0.02)
+    for name, published in PUBLISHED.items():
+        off = 100 * np.abs(np.array(data["rows"][name]["found"][: len(published)]) / published - 1)
+        assert data["rows"][name]["mean_deviation_percent"] == pytest.approx(off.mean(), abs=0.02)
+        assert off.mean() <= 2.0, name
+        # 6 % for the clipped row and for passive-on's first floor (0.0789 cm in every simulation seen).
+        if name == "passive-on":
+            off[[0, 3]] -= 4.0
+        assert off.max() <= (6.0 if name == "clipped-optimal" else 2.0), name
     assert "clipped-optimal" in (out / "table.md").read_text()
     assert "<svg" in (out / "index.html").read_text()
 

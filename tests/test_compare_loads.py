@@ -1,4 +1,4 @@
-"""Loads of a comparison: which are independent, and which were used before."""
+"""Loads of a comparison: which are independent, which were used before, and how long their runs last."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from env_arguments import OWN
+from env_arguments import OWN, dashpot
 from mrdamp import cli
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.benches import bench_of
@@ -20,6 +20,7 @@ from mrdamp.compare.goals import GoalBench
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
+from mrdamp.control.replay import Replay
 from mrdamp.envs import RecordedMotions, StructureEnv
 from mrdamp.envs.linear import own_kind
 from mrdamp.motions import GroundMotion
@@ -83,11 +84,12 @@ def test_of_two_records_a_source_makes_two_loads_and_says_that_tuning_had_them()
     assert len(compare(own, [CONSTANT], own.unseen_loads(), [1.0]).notes) == 1
 
 
-def test_of_drawn_motions_none_is_known(bench: Bench) -> None:
-    loads = list(bench.unseen_loads())
-    assert distinct(bench, loads) == loads
-    known = {bench.likeness(load) for load in bench.tuning_loads()}
-    assert not known & {bench.likeness(load) for load in loads}
+@pytest.mark.parametrize("structure", ["frame", OWN])
+def test_of_drawn_motions_none_is_known(structure: str) -> None:
+    made = bench_of(structure, engine="chain")
+    loads = list(made.unseen_loads())
+    assert distinct(made, loads) == loads
+    assert not {made.likeness(load) for load in made.tuning_loads()} & {made.likeness(load) for load in loads}
 
 
 def test_a_file_that_is_named_twice_is_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -249,23 +251,7 @@ def test_a_policy_given_twice_is_one_seed(tmp_path: Path, bench: Bench) -> None:
     assert "2 of 4 policies of mine repeat another and are left out" in found.notes
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["cable", "--speed", "20"], "--speed is for files of roads"),
-        (["car", "--speed", "20"], "--speed is for files of roads"),
-        (["cable", "--amplitudes", "1", "1.0"], "amplitude 1 is given twice"),
-        (["cable", "--model", ""], "an argument is empty"),
-    ],
-)
-def test_an_option_without_a_meaning_is_refused(
-    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(["compare", *words, "--controllers", "passive-off"]) == 2
-    assert said in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.slow)])
 def test_json_stays_json_beside_what_a_controller_prints(
     tmp_path: Path, jobs: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -274,15 +260,53 @@ def test_json_stays_json_beside_what_a_controller_prints(
         "class Talks:\n    name, period = 'talks', 0.005\n    def __init__(self, site): print('made')\n"
         "    def reset(self): print('reset')\n    def command(self, t, y): return 1.0\n"
     )
-    words = ["--motions", str(_csv(tmp_path)), "--compression", "1", "--engine", "chain", "--jobs", jobs]
+    ONE.save(tmp_path / "sine.csv")
+    words = ["--motions", str(tmp_path / "sine.csv"), "--compression", "1", "--engine", "chain", "--jobs", jobs]
     assert cli.main(["compare", "frame", "--json", "--controllers", "passive-off", f"mine={file}:Talks", *words]) == 0
     out, err = capfd.readouterr()
     assert "mine" in json.dumps(json.loads(out))
     assert "reset" in err
 
 
-def _csv(folder: Path) -> Path:
-    file = folder / "sine.csv"
-    rows = (f"{t},{a}\n" for t, a in zip(ONE.time.tolist(), ONE.acceleration.tolist(), strict=True))
-    file.write_text("time_s,acceleration_m_s2\n" + "".join(rows))
-    return file
+#: Ends within a swing: the largest drifts come after it.
+LATE = GroundMotion("late", 5e-3, np.linspace(0.0, 1.0, 101) ** 4)
+def late(structure: str) -> Any:
+    if structure == OWN:
+        return LATE
+    load = bench_of(structure).unseen_loads()[0]
+    return (
+        replace(load, force=load.force[:100])
+        if structure == "cable"
+        else replace(load, height=load.height[:300])
+    )
+
+
+@pytest.mark.parametrize("structure", ["cable", "car", OWN])
+def test_a_constant_command_has_one_score_at_every_period(structure: str) -> None:
+    """Of a controller of its own period, and of all controllers by `period`; the same seconds by the same engine."""
+    load, found = late(structure), []
+    for own, period in (
+        (5e-4, 5e-3),
+        (1e-3, 5e-3),
+        (2e-3, 5e-3),
+        (5e-3, 5e-3),
+        (2e-2, 5e-3),
+        (1e-3, 1e-3),
+        (2e-2, 2e-2),
+    ):
+        bench = bench_of(structure, engine="chain", period=period)
+        kept = bench.driven(Replay([bench.command_max], own), load, 1.0)  # type: ignore[attr-defined]
+        values = bench.values(kept, bench.run("uncontrolled", load, 1.0))
+        found.append([values[m.key] for m in bench.measures if m.ratio])
+    np.testing.assert_allclose(found, found[:1] * len(found), rtol=1e-5)
+
+
+@pytest.mark.parametrize("period", [5e-4, 3e-3, 2e-2])
+def test_a_damper_that_does_nothing_has_the_ratios_of_none(period: float) -> None:
+    """At fine steps: a run's means and peaks are over the starts of steps, and this load ends where it is largest."""
+    made: Any = bench_of(OWN, dashpot(1e-9), engine="chain")
+    bench = replace(made, timestep=6.25e-5)
+    values = bench.values(
+        bench.driven(Replay([0.0], period), LATE, 1.0), bench.run("uncontrolled", LATE, 1.0)
+    )
+    assert [values["shaking"], values["bearings"]] == pytest.approx([1.0, 1.0], abs=1e-3)

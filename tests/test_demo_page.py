@@ -14,11 +14,10 @@ from PIL import Image
 from mrdamp import cli, models_xml, sets
 from mrdamp.control import passive_on
 from mrdamp.demo import UNCONTROLLED, accelerated
-from mrdamp.demo.animation import Animation, Clip, animate
+from mrdamp.demo.animation import Clip, animate
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
 from mrdamp.motions import embedded_motion
-from mrdamp.report import Page
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.stepping import FrameRun, run_frame
 from mrdamp.structures import dyke1996
@@ -58,22 +57,6 @@ def test_animation_moves_and_differs_from_its_still(model: Model, runs: dict[str
     assert left > 0.1  # the frame without a damper sways
     assert right > 0.0
     assert len(drawn.still) < len(drawn.moving)
-
-
-def test_page_holds_both_pictures_and_keeps_their_colours() -> None:
-    page = Page("title", "summary")
-    page.animation("Frame", Animation(b"moving", b"still", 20, 10), "caption", "two frames that sway")
-    html = page.html()
-    for part in (
-        "bW92aW5n",
-        "c3RpbGw=",
-        'alt="two frames that sway"',
-        "prefers-reduced-motion",
-        'class="photo"',
-    ):
-        assert part in html
-    with pytest.raises(InputError, match="no alt text"):
-        page.animation("Frame", Animation(b"m", b"s", 1, 1), "caption", " ")
 
 
 def test_a_controller_that_accelerates_the_frame_gets_a_sentence(runs: dict[str, FrameRun]) -> None:

@@ -1,56 +1,38 @@
-"""The quarter car: its model against SciPy and Lyapunov's equation, MuJoCo against the chain, its contract."""
+"""The quarter car: its model against SciPy and Lyapunov's equation, MuJoCo against the chain, and its controllers."""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
+import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 from scipy import signal
 from scipy.integrate import solve_ivp
-from scipy.linalg import solve_continuous_lyapunov
+from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov, solve_discrete_are
 
+from dampers import off
+from env_arguments import dashpot
 from excitation import Array
-from mrdamp import models_xml
+from mrdamp import cli, models_xml
+from mrdamp.compare.car import CarBench
+from mrdamp.control.car import HookForce, Switching, add_switch, sh_add_switch, skyhook_switch
+from mrdamp.control.car_plant import car_plant, regulated
+from mrdamp.control.registry import make
 from mrdamp.envs import Bumps, CarPlant, CarTask, RecordedRoads
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_xml import car_xml
-from mrdamp.errors import InputError
-from mrdamp.model import Model
 from mrdamp.simulation.comfort import weighted_rms, wk, wk_sections
 from mrdamp.simulation.roads import CLASSES, Road, bump, iso8608, read_road
 from mrdamp.structures.cars import QuarterCar
-from networks import random_network
-from refusals import says_that_it_diverged
-from test_env_chain import BOUC_WEN, OBSERVED, REWARDED, actions, off
-from test_env_chain import LAWS as FRAME_LAWS
+from refusals import refuses
 
 CAR = QuarterCar()
-ROAD = iso8608("D", 25.0, 3.0, 5)
-FINE = 2.5e-5  # s, of both: the wheel's acceleration in the engine is of first order
-LAWS: Mapping[str, tuple[Mapping[str, float], float]] = {
-    **FRAME_LAWS,
-    "modified_bouc_wen": ({}, 2.0),  # the car's own
-    "bouc_wen": (BOUC_WEN, 1.0),
-}
-SIGNALS = (
-    "acceleration_1",
-    "acceleration_2",
-    "displacement_1",
-    "displacement_2",
-    "stroke",
-    "force",
-    "current",
-)
-
-
-def dashpot(c: float) -> Model:
-    return Model("bingham", {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01, "command_max": 1.0})
-
-
 # --- roads --------------------------------------------------------------------------------
 @pytest.mark.parametrize("road_class", CLASSES)
 def test_a_road_has_the_spectrum_of_its_class(road_class: str) -> None:
@@ -96,10 +78,8 @@ def test_bumps_and_files(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.at([0.0, 0.25, 1.0, 1.5, 9.0]), [0.0, 0.01, 0.0, 0.02, 0.04], atol=1e-12)
     assert RecordedRoads([file], speed=(3.0, 3.0)).draw(np.random.default_rng(0)).speed == 3.0
     file.write_text("position_m,height_m\n0,0.01\n0,0.02\n2,0.01\n")
-    with pytest.raises(InputError, match=r"lane\.csv: 3 positions"):
-        read_road(file, 2.0)
-    with pytest.raises(InputError, match="road class is 'E'; allowed: A, B, C, D"):
-        iso8608("E", 20.0, 5.0, 1)
+    refuses(lambda: read_road(file, 2.0), r"lane\.csv: 3 positions")
+    refuses(lambda: iso8608("E", 20.0, 5.0, 1), "road class is 'E'; allowed: A, B, C, D")
     assert Bumps().draw(np.random.default_rng(1)).height.max() > 0.02
 
 
@@ -118,8 +98,7 @@ def test_the_weighting_is_the_standards() -> None:
         if f <= 31.5:
             found = weighted_rms(np.sqrt(2) * np.sin(2 * np.pi * f * time), 1e-3)
             assert found == pytest.approx(weight, rel=0.02), f
-    with pytest.raises(InputError, match="sample time"):
-        wk_sections(5e-3)
+    refuses(lambda: wk_sections(5e-3), "sample time")
 
 
 # --- the model ----------------------------------------------------------------------------
@@ -136,14 +115,13 @@ def test_rms_values_are_lyapunovs() -> None:
     assert np.std(load) == pytest.approx(wanted[1], rel=0.05)
 
 
-@pytest.mark.parametrize("command", [-1.0, -0.6])
-def test_what_a_damper_dissipates_is_the_roads(command: float) -> None:
+def test_what_a_damper_dissipates_is_the_roads() -> None:
     """Zuo and Zhang 2013, doi 10.1115/1.4007562: pi^2 G_r V k_t, whatever the damper; G_r = 0.1^2 G(0.1)."""
     task = CarTask(1, car=QuarterCar(tyre_damping=0.0), engine="chain")
     road = iso8608("B", 25.0, 120.0, 4)
     task.reset([0], [np.random.default_rng(0)], {"road": road})
     for _ in range(round(road.duration / 5e-3)):
-        info = task.step(np.array([[command]])).info[0]
+        info = task.step(np.array([[-0.6]])).info[0]
     found = info[task.score.NAMES.index("dissipated_energy")] / road.duration
     assert found == pytest.approx(math.pi**2 * 0.01 * CLASSES["B"] * 25.0 * 210e3, rel=0.06)
 
@@ -202,30 +180,6 @@ def test_the_wheel_leaves_the_road_as_in_scipy(engine: str) -> None:
     assert off_road / len(rows) == pytest.approx(away.mean(), abs=0.02)
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_every_law_on_the_chain(law: str) -> None:
-    parameters, largest = LAWS[law]
-    weights = random_network(4, (6,)).text() if law == "narx" else None
-    model = Model(law, dict(parameters), weights=weights) if parameters or weights else None
-    reward = {"stroke": 0.2, "airborne": 1.0, "power": 0.1}
-    found = []
-    for engine in ("mujoco", "chain"):
-        task = CarTask(
-            1, engine=engine, timestep=FINE, model=model, command_max=largest, signals=SIGNALS, reward=reward
-        )
-        task.reset([0], [np.random.default_rng(0)], {"road": ROAD})
-        steps = [task.step(action[None]) for action in actions(300)]
-        names = ("observation", "reward", "info")
-        found.append([np.array([getattr(s, k)[0] for s in steps]).astype(float) for k in names])
-    (seen, rewards, info), (chain_seen, chain_rewards, chain_info) = found
-    apart = [off(chain_seen[:, k], seen[:, k]) for k in range(seen.shape[1])]
-    assert max(apart) < OBSERVED, apart
-    assert off(chain_rewards, rewards) < REWARDED
-    for k, name in enumerate(CarTask(1).score.NAMES):
-        assert off(chain_info[:, k], info[:, k]) < (0.05 if "airborne" in name else REWARDED), name
-    assert info[-1, CarTask(1).score.NAMES.index("airborne")] > 0
-
-
 def test_the_shipped_model_is_the_environments() -> None:
     ends = []
     for text in (
@@ -242,7 +196,116 @@ def test_the_shipped_model_is_the_environments() -> None:
     np.testing.assert_allclose(ends[0], ends[1], rtol=1e-9)
 
 
-def test_faults_are_told() -> None:
-    with pytest.raises(InputError, match="car: wheel is 0"):
-        QuarterCar(wheel=0.0)
-    says_that_it_diverged(CarTask(2, engine="chain"))
+BENCH = CarBench(engine="chain", timestep=1e-3)
+SITE = BENCH.site
+ROAD = replace(iso8608("C", 20.0, 4.0, 11), name="road")
+
+
+def test_sh_add_is_the_papers_rule() -> None:
+    """Savaresi and Spelta 2007: c_max where (a^2 - alpha^2 v^2 <= 0 and v r > 0) or (a^2 - alpha^2 v^2 > 0 and a r >
+    0)."""
+    alpha, switch = 7.0, sh_add_switch(7.0)
+    rng = np.random.default_rng(1)
+    for v, r, a in rng.normal(size=(200, 3)) * [0.2, 0.3, 1.0]:
+        low = a * a - alpha**2 * v * v <= 0
+        assert switch(0.0, v, r, a) == bool((low and v * r > 0) or (not low and a * r > 0))
+
+
+def test_the_field_is_on_where_the_force_on_the_body_helps() -> None:
+    """A damper that is being extended pulls the body down: on where that brakes it, or takes from its acceleration."""
+    rng = np.random.default_rng(2)
+    for wheel, body, acceleration in rng.normal(size=(100, 3)) * [1.0, 0.2, 1.0]:
+        stroke = body - wheel
+        on_body = -100.0 * np.sign(stroke)
+        assert skyhook_switch(wheel, body, stroke, acceleration) == (on_body * body < 0)
+        assert add_switch(wheel, body, stroke, acceleration) == (on_body * acceleration < 0)
+
+
+def test_velocities_and_forces_of_a_sine() -> None:
+    """With accelerations of wheel and body in quadrature; the integrator's leak is slow."""
+    aim, w = HookForce(900.0, 0.25, 50.0, SITE.period), 2 * math.pi * 3.0
+    for k in range(2000):
+        t = k * SITE.period
+        found = aim(t, {"acceleration_1": 4 * w * math.cos(w * t), "acceleration_2": -w * math.sin(w * t)})
+    # The start's offset of the body's velocity has leaked away by exp(-t / 50 s).
+    body = math.cos(w * t) - math.exp(-t / 50.0)
+    assert found == pytest.approx(900.0 * (0.25 * body - 0.75 * 4 * math.sin(w * t)), abs=15.0)
+
+
+def cost(holding: float, stroke: float, r: float) -> tuple[Array, Array, Array, Array, Array]:
+    """a, b, and the weights of states, of states with the force and of the force, written out."""
+    a = np.array(
+        [[0, 0, 1, 0], [0, 0, -1, 1], [-210e3 / 40, 20e3 / 40, -120 / 40, 0], [0, -20e3 / 400, 0, 0]],
+        dtype=float,
+    )
+    b = np.array([[0.0], [0.0], [1 / 40], [-1 / 400]])
+    c = np.vstack([a[3], [1.0, 0, 0, 0], [0, 1.0, 0, 0]])
+    d = np.array([b[3, 0], 0.0, 0.0])
+    q = np.diag([1.0, holding * (210e3 / 400) ** 2, stroke * (20e3 / 400) ** 2])
+    return a, b, c.T @ q @ c, (c.T @ q @ d)[:, None], np.array([[d @ q @ d + r / 400**2]])
+
+
+def test_the_lq_force_is_that_of_riccatis_equation() -> None:
+    a, b, q, s, r = cost(0.3, 0.03, 1e-3)
+    p = solve_continuous_are(a, b, q, r, s=s)
+    gain = np.linalg.solve(r, b.T @ p + s.T)[0]
+    aim: Any = make("lq-tracking:holding=0.3,stroke=0.03,r=1e-3,roughness=1e-3", SITE)
+    np.testing.assert_allclose(aim.aim.k, gain, rtol=1e-6)
+    np.testing.assert_allclose(car_plant(SITE.car).a, a)
+    assert regulated(SITE.car, 0.0, 0.0)["acceleration_2"] == 1.0
+
+
+def test_mpc_is_the_discrete_regulator_where_nothing_binds(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("osqp", reason="needs the extra mpc")
+    from mrdamp.control.car_mpc import MpcForce
+
+    a, b, q, s, r = cost(0.3, 0.03, 1e-3)
+    both = np.zeros((5, 5))
+    both[:4, :4], both[:4, 4:] = a, b
+    moved = expm(both * SITE.period)
+    a, b = moved[:4, :4], moved[:4, 4:]
+    p = solve_discrete_are(a, b, q, r, s=s)
+    gain = np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a + s.T)[0]
+    aim = MpcForce(SITE, {"holding": 0.3, "stroke": 0.03, "r": 1e-3, "roughness": 1e-3, "horizon": 0.1})
+    state = np.array([-1e-3, 4e-3, 0.05, 0.03])
+    monkeypatch.setattr(aim, "_estimator", lambda y: state)
+    wanted = -float(gain @ state)
+    assert abs(wanted) > 20
+    found = aim(0.0, {"stroke_velocity": math.copysign(0.1, wanted)})
+    assert found == pytest.approx(wanted, rel=0.01)
+    assert aim(0.0, {"stroke_velocity": -math.copysign(0.1, wanted)}) == pytest.approx(0.0, abs=1e-6)
+    monkeypatch.setattr(aim, "_estimator", lambda y: 1e3 * state)
+    assert abs(aim(0.0, {"stroke_velocity": math.copysign(0.1, wanted)})) == pytest.approx(
+        SITE.force_max, rel=1e-3
+    )
+
+
+def test_what_mpc_needs_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "osqp", None)
+    refuses(lambda: make("clipped-mpc", SITE), r"clipped-mpc needs osqp, .* pip install 'mrdamp\[mpc\]'")
+    refuses(lambda: make("sh-add:beta=1", SITE), "option 'beta' is unknown; allowed: alpha, leak, level")
+    assert isinstance(make("sh-add", SITE), Switching)
+
+
+@pytest.mark.parametrize("spec", ["constant:value=0.3", "lq-tracking"])
+def test_both_engines_say_the_same(spec: str) -> None:
+    found = []
+    for engine in ("mujoco", "chain"):
+        bench = CarBench(engine=engine)
+        values = bench.values(bench.run(spec, ROAD, 1.0), bench.run("uncontrolled", ROAD, 1.0))
+        found.append([values[key] for key in ("comfort", "load", "stroke", "mean_command")])
+    np.testing.assert_allclose(found[0], found[1], rtol=0.02)
+
+
+def test_the_command_compares_on_a_road_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A stronger damper strokes less; ratios are over the linear suspension, and the table says so."""
+    file, out = tmp_path / "lane.csv", tmp_path / "out"
+    rows = zip(np.arange(0, 60, 0.1), ROAD.at(np.arange(0, 60, 0.1) / 20.0), strict=True)
+    file.write_text("position_m,height_m\n" + "".join(f"{x:.6g},{z:.6g}\n" for x, z in rows))
+    given = ["--controllers", "passive-off", "passive-on", "sh-add", "--motions", str(file), "--speed", "15"]
+    assert cli.main(["compare", "car", *given, "--engine", "chain", "--jobs", "1", "-o", str(out)]) == 0
+    assert "over the linear suspension" in capsys.readouterr().out
+    result = json.loads((out / "result.json").read_text())["controllers"]
+    stroke = {name: row["measures"]["stroke"]["mean"] for name, row in result.items()}
+    assert stroke["passive-on"] < stroke["sh-add"] < stroke["passive-off"]
+    assert "linear suspension" in (out / "table.md").read_text()

@@ -21,7 +21,6 @@ from mrdamp.envs import (
     CableEnv,
     CableLoad,
     CablePlant,
-    CableTask,
     CarEnv,
     CarPlant,
     CarTask,
@@ -31,7 +30,6 @@ from mrdamp.envs import (
     FrameTask,
     IsoRoads,
     Observer,
-    RecordedMotions,
     StructureEnv,
     SyntheticMotions,
     default_damper,
@@ -46,8 +44,13 @@ from refusals import refuses
 
 Make = Callable[..., Any]
 FRAME: Mapping[str, Any] = {"motions": SyntheticMotions(duration=2.0), "noise": {"acceleration": 0.05}}
-CABLE: Mapping[str, Any] = {"loads": AmbientLoads(duration=0.5), "noise": {"force": 0.1}, "bandwidth": 30.0}
-CAR: Mapping[str, Any] = {"roads": IsoRoads(duration=1.0)}
+CABLE: Mapping[str, Any] = {
+    "loads": AmbientLoads(duration=0.5), "noise": {"force": 0.1}, "bandwidth": 30.0,
+    "randomise": {"tension": (0.9, 1.1), "driver_lag_tau": (0.0, 0.02)},
+}  # fmt: skip
+CAR: Mapping[str, Any] = {
+    "roads": IsoRoads(duration=1.0), "randomise": {"body": (0.8, 1.2), "sensor_gain_g": (0.9, 1.1)}
+}  # fmt: skip
 OTHER: Mapping[str, Any] = {**FRAME, "noise": {"force": 2.0}, "structure": OWN}
 #: Every kind of state that a sensor or a driver has.
 _SENSING = (
@@ -56,7 +59,9 @@ _SENSING = (
 )  # fmt: skip
 _DAMPER = default_damper()
 SENSING: Mapping[str, Any] = {
-    **FRAME, "history": 4, "reward": FrameReward(drift=1.0, acceleration=1.0, current=0.01, exponent=4.0),
+    **FRAME, "history": 4,
+    "randomise": {"stiffness": (0.9, 1.1), "mass": (0.9, 1.1), "alpha_b": (0.5, 1.5)},
+    "reward": FrameReward(drift=1.0, acceleration=1.0, current=0.01, exponent=4.0),
     "model": Model(_DAMPER.law, _DAMPER.parameters, (*_DAMPER.effects, *_SENSING), "frame", dyke1996()),
 }  # fmt: skip
 KINDS = [
@@ -179,6 +184,10 @@ def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
 @pytest.mark.parametrize(
     ("make", "arguments", "options", "message"),
     [
+        (FrameEnv, {"engine": "fast"}, {}, "engine is 'fast'; allowed: mujoco, chain"),
+        (FrameEnv, {"engine": "chain", "timestep": 0.0}, {}, "timestep is 0"),
+        (FrameEnv, {"foo": 1}, {}, "'foo' is no argument"),
+        (FrameEnv, {"command_max": 10.0}, {}, "command_max is 10; allowed: up to 2.25"),
         (FrameEnv, {"motions": 3}, {}, "motions is 3; allowed: a source"),
         (FrameEnv, {"motions": ["a.csv"]}, {}, "motions is .*allowed: a source"),
         (FrameEnv, {"structure": 3}, {}, "structure is 3"),
@@ -278,61 +287,18 @@ def test_what_the_engine_warns_of_is_not_scored(
         run()
 
 
-def test_one_rule_for_the_time_scale_of_a_record(tmp_path: Path) -> None:
-    """A file of 20 s lasts 4 s on the frame, whoever plays it, unless another compression is asked for."""
-    from mrdamp.compare.dyke1996 import frame_model
-    from mrdamp.compare.frame import FrameBench
-
-    record = kanai_tajimi(1, duration=20.0)
-    file = tmp_path / "record.csv"
-    record.save(file)
-    env = FrameEnv(motions=RecordedMotions([file]))
-    bench = FrameBench(frame_model()).played(record, 1.0)
-    drawn, given = env.reset(seed=0)[1], env.reset(options={"motion": file})[1]
-    for info in (drawn, given, vars(bench) | {"duration": bench.duration}):
-        assert info["duration"] == pytest.approx(4.0, abs=0.01)
-        assert info["speed"] == 5.0
-    assert env.reset(options={"motion": file, "compression": 1.0})[1]["duration"] == pytest.approx(20, abs=0.05)
-    own = GroundMotion("own", 0.01, np.sin(np.arange(101.0)))
-    assert env.reset(options={"motion": own})[1]["duration"] == pytest.approx(1.0)
-    refuses(lambda: env.reset(options={"motion": 3}), "motion is 3")
-
-
-@pytest.mark.slow
-def test_spawned_workers_find_an_environment_by_its_package_and_name() -> None:
-    """The worker has imported nothing: the part before the colon is what it imports."""
-    library = pytest.importorskip("stable_baselines3.common.env_util", reason="needs the extra train")
-    from stable_baselines3.common.vec_env import SubprocVecEnv
-
-    options = {"n_envs": 2, "seed": 3, "vec_env_cls": SubprocVecEnv, "vec_env_kwargs": {"start_method": "spawn"}}
-    workers = library.make_vec_env("mrdamp:mrdamp/Frame-v0", **options)
-    try:
-        seen = workers.reset()
-        np.testing.assert_array_equal(seen[0], FrameEnv().reset(seed=3)[0])
-    finally:
-        workers.close()
-
-
-@pytest.mark.parametrize(("make", "given"), [(FrameTask, {}), (CableTask, {"timestep": 2.5e-4}), (CarTask, {})])
-def test_normalised_observations_are_about_one(make: Make, given: Mapping[str, Any]) -> None:
-    """RMS of each signal under the default loads and random commands, the stroke's velocity among them."""
-    signals = (*make(1).observer.signals, "stroke_velocity")
-    task = make(8, engine="chain", signals=signals, normalise=True, **given)
-    rngs = [np.random.default_rng(k) for k in range(8)]
-    task.reset(range(8), rngs)
-    seen = []
-    for k in range(950):
-        if k % 20 == 0:
-            actions = rngs[0].uniform(-1, 1, (8, 1))
-        seen.append(task.step(actions).observation[:, : len(signals)])
-    rms = np.sqrt(np.mean(np.concatenate(seen) ** 2, axis=0))
-    assert ((rms > 0.4) & (rms < 2.5)).all(), dict(zip(signals, rms.tolist(), strict=True))
-    refuses(lambda: make(1, normalise=True, observer=task.observer), "normalise is for")
+@pytest.mark.parametrize("kind", [FrameTask, CarTask])
+def test_a_state_of_the_chain_that_is_no_number_is_said_to_have_diverged(kind: Make) -> None:
+    task = kind(2, engine="chain")
+    task.reset([0, 1], [np.random.default_rng(k) for k in range(2)])
+    task.step(np.zeros((2, 1)))
+    task.rows.plants.state[1, 5] = math.nan
+    refuses(lambda: task.step(np.zeros((2, 1))), "diverged")
 
 
 @pytest.mark.parametrize("other", [
     {"command_max": 0.5}, {"noise": {"force": 1.0}}, {"reward": {"drift": 2.0}},
-    {"motions": SyntheticMotions(duration=9.0)},
+    {"motions": SyntheticMotions(duration=9.0)}, {"history": 3},
 ])  # fmt: skip
 def test_a_state_of_an_environment_with_other_arguments_is_refused(other: dict[str, Any]) -> None:
     env = FrameEnv(engine="chain")

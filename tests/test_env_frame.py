@@ -1,114 +1,46 @@
-"""The frame's environment: its physics against SciPy and by its energy, its contract, its arguments."""
+"""The frame's environment, checkers and workers, and parameters that are drawn for every episode."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import gymnasium
+import mujoco
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AsyncVectorEnv
+from scipy.linalg import eigh
 
 import mrdamp.envs
-from env_arguments import needed
-from excitation import Array
-from frame_reference import solve
-from mrdamp.control import clipped_optimal
-from mrdamp.envs import FrameEnv, FramePlant, FrameReward, RecordedMotions, SyntheticMotions
+from env_arguments import OWN, dashpot, needed
+from mrdamp.compare.dyke1996 import frame_model
+from mrdamp.compare.frame import FrameBench
+from mrdamp.envs import (
+    CableEnv,
+    CableTask,
+    CarEnv,
+    CarTask,
+    FrameEnv,
+    FramePlant,
+    FrameTask,
+    RecordedMotions,
+    StructureEnv,
+    SyntheticMotions,
+)
+from mrdamp.envs.cable_loads import AmbientLoads
 from mrdamp.envs.reward import reference_run
 from mrdamp.model import Effect, Model
-from mrdamp.motions import embedded_motion, kanai_tajimi
-from mrdamp.simulation import stepping
+from mrdamp.motions import GroundMotion, kanai_tajimi
 from mrdamp.structures import ShearFrame, dyke1996
-from test_env_chain import off
+from refusals import refuses
 from test_env_view import can_draw
 
 SHORT = SyntheticMotions(duration=4.0)  # 0.8 s as it is played
 STRONG = kanai_tajimi(3, duration=12.0, pga=5.0).compressed(5.0)
-
-
-def commands(n: int) -> Array:
-    return np.repeat(np.random.default_rng(4).choice([0.0, 0.7, 2.25], n // 6 + 1), 6)[:n]
-
-
-@pytest.mark.parametrize("floor", [1, 2])
-def test_the_frame_agrees_with_scipy(floor: int) -> None:
-    """Held commands, a motion that changes within the control period; peaks at the engine's steps."""
-    motion = kanai_tajimi(3, duration=7.0, pga=5.0).compressed(5.0)
-    seen_by = ("displacement_3", "acceleration_1", "force", "current")
-    env = FrameEnv(damper_between=(floor - 1, floor), signals=seen_by)
-    env.reset(options={"motion": motion})
-    n = 270
-    u = commands(n)
-    wanted = solve(lambda t: float(np.interp(t, motion.time, motion.acceleration)), u, 5e-3, 5e-4, floor)
-    scales = np.array(env.task.observer.scales)
-    seen: list[Array] = []
-    info: dict[str, Any] = {}
-    for value in u:
-        observation, _, _, _, info = env.step(np.array([2 * value / 2.25 - 1], np.float32))
-        seen.append(observation[:4] * scales)
-    found = np.array(seen)
-    channels = wanted["displacement"][:, 2], wanted["acceleration"][:, 0], wanted["force"], wanted["current"]
-    for k, channel in enumerate(channels):
-        assert off(found[:, k], channel[10::10]) < 0.01, k
-    drift = np.abs(np.diff(wanted["displacement"], axis=1, prepend=0.0)).max()
-    assert info["peak_drift"] == pytest.approx(drift, rel=3e-3)
-    assert info["peak_acceleration"] == pytest.approx(np.abs(wanted["acceleration"]).max(), rel=0.01)
-    assert info["dissipated_energy"] == pytest.approx(wanted["energy"][-1], rel=5e-3)
-    assert info["mean_current"] == pytest.approx(wanted["current"][:-1].mean(), rel=5e-3)
-
-
-@pytest.mark.parametrize("between", [[(0, 1)], [(0, 1), (1, 3), (3, 2)]])
-def test_the_input_is_kinetic_strain_and_dissipated_energy(between: list[tuple[int, int]]) -> None:
-    """Relative to the ground (Uang and Bertero 1990), at every step, within 0.5 % of the largest input."""
-    plant = FramePlant(damper_between=between)
-    plant.reset(STRONG)
-    rows, s = plant.rows, dyke1996()
-    record = [
-        rows.plants.advance(np.full((1, len(between)), u))[0]["sensordata"][0].copy() for u in commands(480)
-    ]
-    data, h = np.concatenate(record), rows.plants.timestep
-    at = rows.plants.sensors
-
-    def columns(name: str, count: int) -> Array:
-        start = at[name].start
-        return data[:, start : start + count]
-
-    drift, rate = columns("drift_1", 3), columns("drift_velocity_1", 3).copy()
-    force, speed = columns("true_force", len(between)), columns("stroke_velocity", len(between)).copy()
-    for velocity in (rate, speed):  # the engine's stand half a step before its positions
-        velocity[:-1] = (velocity[:-1] + velocity[1:]) / 2
-    v = rate.cumsum(axis=1)
-    ground = np.interp(h * np.arange(len(data)), STRONG.time, STRONG.acceleration, right=0.0)
-    given = h * np.cumsum(-(v @ s.mass) * ground)
-    held = 0.5 * (v**2 @ s.mass + drift**2 @ s.stiffness)
-    lost = h * np.cumsum(rate**2 @ s.damping + (force * speed).sum(axis=1))
-    assert np.abs(given - held - lost).max() < 0.005 * given.max()
-    assert held.max() > 0.05 * given.max()
-
-
-def test_a_controller_runs_on_the_plant_as_in_run_frame() -> None:
-    motion = kanai_tajimi(0, duration=6.0).compressed(5.0)
-    controller = clipped_optimal(dyke1996(), 2.25, period=5e-3)
-    plant = FramePlant()
-    own = plant.structure.models[0]
-    wanted = stepping.run_frame(
-        Model(own.law, own.parameters, own.effects, "frame", dyke1996()), motion, controller, timestep=5e-4,
-    )  # fmt: skip
-    controller.reset()
-    y, rows = plant.reset(motion), []
-    while not plant.finished:
-        rows.append([y["acceleration_3"], y["displacement_1"], y["force"], y["stroke"], plant.time])
-        y = plant.step(controller.command(plant.time, y))
-    found = np.array(rows)
-    np.testing.assert_array_equal(found[:, 0], wanted.acceleration[:, 2])
-    np.testing.assert_array_equal(found[:, 1], wanted.drift[:, 0])
-    np.testing.assert_array_equal(found[:, 2], wanted.force)
-    np.testing.assert_array_equal(found[:, 3], wanted.stroke)
-    np.testing.assert_allclose(found[:, 4], wanted.time, atol=1e-12)
 
 
 def test_gymnasiums_checker_has_nothing_to_say() -> None:
@@ -124,70 +56,9 @@ def test_stable_baselines_checker_has_nothing_to_say() -> None:
         checker.check_env(gymnasium.make(id, **needed(id)).unwrapped)
 
 
-@pytest.mark.slow
-def test_spawned_workers_give_the_same_numbers() -> None:
-    actions = np.random.default_rng(0).uniform(-1, 1, (40, 2, 1)).astype(np.float32)
-    workers = AsyncVectorEnv([_make] * 2, context="spawn")
-    try:
-        seen, _ = workers.reset(seed=4)
-        here = [FrameEnv(motions=SHORT) for _ in range(2)]
-        for k, env in enumerate(here):
-            np.testing.assert_array_equal(seen[k], env.reset(seed=4 + k)[0])
-        for action in actions:
-            seen, reward, *_ = workers.step(action)
-            for k, env in enumerate(here):
-                observation, expected, *_ = env.step(action[k])
-                np.testing.assert_array_equal(seen[k], observation)
-                assert reward[k] == expected
-    finally:
-        workers.close()
-
-
-def _make() -> FrameEnv:
-    return FrameEnv(motions=SyntheticMotions(duration=4.0))
-
-
-def test_the_parts_are_the_reward_and_follow_the_weights() -> None:
-    weights = FrameReward(
-        drift=1.0, acceleration=2.0, drift_peak=3.0, acceleration_peak=4.0, current=0.5, power=0.25, energy=0.1,
-        exponent=3.0,
-    )  # fmt: skip
-    env = FrameEnv(motions=SHORT, reward=weights)
-    _, start = env.reset(seed=3)
-    total, peaks = 0.0, np.zeros(2)
-    infos: dict[str, Any] = {}
-    current = 0.0
-    for _ in range(120):
-        _, reward, _, _, infos = env.step(np.array([0.5], np.float32))
-        parts = [value for name, value in infos.items() if name.startswith("reward_")]
-        assert reward == pytest.approx(sum(parts), abs=1e-12)
-        total += infos["reward_drift_peak"]
-        current += infos["reward_current"]
-        now = np.array([infos["drift_ratio"], infos["acceleration_ratio"]])
-        assert (now >= peaks).all()
-        peaks = now
-    assert total == pytest.approx(-300 * peaks[0])
-    assert infos["peak_drift"] == pytest.approx(peaks[0] * start["reference_drift"])
-    assert infos["peak_acceleration"] == pytest.approx(peaks[1] * start["reference_acceleration"])
-    periods = math.floor(start["duration"] / 0.005 + 1e-9) + 1
-    assert current == pytest.approx(-50 * 120 / periods * infos["mean_current"] / 2.25)
-    assert 0.2 < peaks[0] < 1.0
-
-
-def test_rewards_do_not_depend_on_the_size_of_a_linear_run() -> None:
-    """A dashpot in the frame: twice the motion, the same ratios and rewards."""
-    dashpot = Model("bingham", {"c0a": 3000.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01})
-    env = FrameEnv(model=dashpot, command_max=1.0, reward={"drift_peak": 1.0, "energy": 0.2})
-    totals = []
-    for amplitude in (0.5, 4.0):
-        env.reset(options={"motion": STRONG, "amplitude": amplitude})
-        totals.append(sum(env.step(np.array([-1.0], np.float32))[1] for _ in range(200)))
-    assert totals[0] == pytest.approx(totals[1], rel=1e-6)
-
-
 def test_the_uncontrolled_run_is_the_reference() -> None:
     """A damper that does nothing has ratios of one; the frame alone is solved elsewhere, by SciPy."""
-    nothing = Model("bingham", {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01})
+    nothing = dashpot(0.0)
     env = FrameEnv(model=nothing, command_max=1.0)
     env.reset(options={"motion": STRONG})
     info: dict[str, Any] = {}
@@ -206,23 +77,6 @@ def test_the_uncontrolled_run_is_the_reference() -> None:
     assert on.drift < 0.7 * free.drift
 
 
-def test_sensors_stand_between_frame_and_observation() -> None:
-    base = mrdamp.envs.default_damper()
-    placed = (Effect("sensor_gain", {"g": 1.5}, 2), Effect("sensor_offset", {"f": 0.2}, 1))
-    on_damper = Effect("sensor_gain", {"g": 0.8})
-    model = Model(base.law, base.parameters, (*base.effects, on_damper, *placed), "frame", dyke1996())
-    plain, sensed = FramePlant(), FramePlant(model)
-    plain.reset(STRONG)
-    sensed.reset(STRONG)
-    for _ in range(80):
-        a, b = plain.step(1.0), sensed.step(1.0)
-    assert b["acceleration_2"] == pytest.approx(1.5 * a["acceleration_2"])
-    assert b["acceleration_1"] == pytest.approx(a["acceleration_1"] + 0.2)
-    assert b["acceleration_3"] == a["acceleration_3"]
-    assert b["force"] == pytest.approx(0.8 * a["force"])
-    assert b["true_force"] == a["true_force"]
-
-
 def test_a_plant_goes_on_with_its_ground_at_rest() -> None:
     """Past the end of a short motion nothing is left of a longer one that it ran before."""
     short = replace(STRONG, acceleration=STRONG.acceleration[:60].copy())
@@ -238,40 +92,6 @@ def test_a_plant_goes_on_with_its_ground_at_rest() -> None:
         assert used.step(1.0) == y
         swings.append(abs(y["displacement_3"]))
     assert max(swings[-60:]) < 0.2 * max(swings[:60])
-
-
-def test_a_channel_that_is_late_reads_the_stroke_of_before() -> None:
-    base, late = mrdamp.envs.default_damper(), 2e-3
-    shift = Effect("channel_shift", {"d": late})
-    plain, shifted = FramePlant(), FramePlant(replace(base, effects=(*base.effects, shift)))
-    plain.reset(STRONG)
-    shifted.reset(STRONG)
-    strokes = []
-    for _ in range(300):
-        a, b = plain.step(1.0), shifted.step(1.0)
-        assert a["stroke"] == a["drift_1"] == b["drift_1"]
-        assert a["stroke_velocity"] == b["stroke_velocity"] == a["velocity_1"]
-        strokes.append((a["stroke"], b["stroke"], a["stroke_velocity"]))
-    x, read, v = np.array(strokes).T
-    # To first order; the rest is of the second.
-    assert np.abs(read - (x - late * v)).max() < 0.1 * late * np.abs(v).max()
-    assert np.abs(read - x).max() > 0.9 * late * np.abs(v).max()
-
-
-def test_noise_has_its_deviation() -> None:
-    env = FrameEnv(noise={"acceleration_2": 0.5})
-    clean = FrameEnv()
-    scale = env.task.observer.scales[1]
-    seen = []
-    options = {"motion": STRONG}
-    env.reset(seed=0, options=options)
-    clean.reset(options=options)
-    action = np.zeros(1, np.float32)
-    for _ in range(400):
-        a, b = env.step(action)[0], clean.step(action)[0]
-        np.testing.assert_array_equal(np.delete(a, 1), np.delete(b, 1))
-        seen.append((a[1] - b[1]) * scale)
-    assert np.std(seen) == pytest.approx(0.5, rel=0.12)
 
 
 def test_any_model_and_any_frame() -> None:
@@ -296,20 +116,180 @@ def test_any_model_and_any_frame() -> None:
     assert info["mean_current"] == pytest.approx(1.0, rel=1e-3)
 
 
-def test_a_network_may_be_the_damper() -> None:
-    text = (
-        "mrdamp-narx 1 sample_time 0.002 inputs 3 x:0 v:0 i:0 offset 0 0 0 scale 100 5 1 force 0 600 "
-        "hidden 1 2 weight 0.1 0.9 0.0 0.0 0.5 0.4 bias 0 0 weight 0.8 0.4 bias 0 end"
+def test_one_rule_for_the_time_scale_of_a_record(tmp_path: Path) -> None:
+    """A file of 20 s lasts 4 s on the frame, whoever plays it, unless another compression is asked for."""
+    record = kanai_tajimi(1, duration=20.0)
+    file = tmp_path / "record.csv"
+    record.save(file)
+    env = FrameEnv(motions=RecordedMotions([file]))
+    bench = FrameBench(frame_model()).played(record, 1.0)
+    drawn, given = env.reset(seed=0)[1], env.reset(options={"motion": file})[1]
+    for info in (drawn, given, vars(bench) | {"duration": bench.duration}):
+        assert info["duration"] == pytest.approx(4.0, abs=0.01)
+        assert info["speed"] == 5.0
+    assert env.reset(options={"motion": file, "compression": 1.0})[1]["duration"] == pytest.approx(20, abs=0.05)
+    own = GroundMotion("own", 0.01, np.sin(np.arange(101.0)))
+    assert env.reset(options={"motion": own})[1]["duration"] == pytest.approx(1.0)
+    refuses(lambda: env.reset(options={"motion": 3}), "motion is 3")
+
+
+@pytest.mark.slow
+def test_spawned_workers_find_an_environment_by_its_package_and_name() -> None:
+    """The worker has imported nothing: the part before the colon is what it imports."""
+    library = pytest.importorskip("stable_baselines3.common.env_util", reason="needs the extra train")
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    options = {"n_envs": 2, "seed": 3, "vec_env_cls": SubprocVecEnv, "vec_env_kwargs": {"start_method": "spawn"}}
+    workers = library.make_vec_env("mrdamp:mrdamp/Frame-v0", **options)
+    try:
+        here, seen = FrameEnv(), workers.reset()
+        np.testing.assert_array_equal(seen[0], here.reset(seed=3)[0])
+        for action in np.random.default_rng(0).uniform(-1, 1, (40, 2, 1)).astype(np.float32):
+            seen, reward, _, _ = workers.step(action)
+            observation, expected, *_ = here.step(action[0])
+            np.testing.assert_array_equal(seen[0], observation)
+            assert reward[0] == pytest.approx(expected, rel=1e-6)
+    finally:
+        workers.close()
+
+
+@pytest.mark.parametrize(("make", "given"), [(FrameTask, {}), (CableTask, {"timestep": 2.5e-4}), (CarTask, {})])
+def test_normalised_observations_are_about_one(make: Any, given: Mapping[str, Any]) -> None:
+    """RMS of each signal under the default loads and random commands, the stroke's velocity among them."""
+    signals = (*make(1).observer.signals, "stroke_velocity")
+    task = make(8, engine="chain", signals=signals, normalise=True, **given)
+    rngs = [np.random.default_rng(k) for k in range(8)]
+    task.reset(range(8), rngs)
+    seen = []
+    for k in range(950):
+        if k % 20 == 0:
+            actions = rngs[0].uniform(-1, 1, (8, 1))
+        seen.append(task.step(actions).observation[:, : len(signals)])
+    rms = np.sqrt(np.mean(np.concatenate(seen) ** 2, axis=0))
+    assert ((rms > 0.4) & (rms < 2.5)).all(), dict(zip(signals, rms.tolist(), strict=True))
+    refuses(lambda: make(1, normalise=True, observer=task.observer), "normalise is for")
+
+
+engines = pytest.mark.parametrize("engine", ["mujoco", "chain"])
+
+
+def engine_frequencies(model: mujoco.MjModel) -> np.ndarray:
+    """Hz, from the engine's own mass matrix and springs."""
+    data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    springs = np.diag(model.jnt_stiffness.ravel())
+    on = np.flatnonzero(model.jnt_stiffness.ravel())  # the table that the ground is on is moved
+    found = eigh(springs[np.ix_(on, on)], mass[np.ix_(on, on)], eigvals_only=True)
+    return np.asarray(np.sqrt(found) / (2 * math.pi))
+
+
+def test_the_engine_holds_the_drawn_frame() -> None:
+    """Dyke et al. (1996) give 5.46, 15.8 and 23.6 Hz; all go with the root of stiffness over mass."""
+    env = FrameEnv(randomise={"stiffness": (0.8, 1.2), "mass": (0.8, 1.2)})
+    for seed in range(3):
+        drawn = env.reset(seed=seed)[1]["drawn"]
+        assert all(0.8 <= value <= 1.2 for value in drawn.values())
+        found = engine_frequencies(env.task.rows.of(0).plants.model)
+        expected = np.array([5.46, 15.8, 23.6]) * math.sqrt(drawn["stiffness"] / drawn["mass"])
+        np.testing.assert_allclose(found, expected, rtol=5e-3)
+
+
+def test_the_engine_holds_the_drawn_cable_and_car() -> None:
+    cable = CableEnv(randomise={"tension": (0.7, 0.9), "mass": (1.1, 1.3)}, loads=AmbientLoads(duration=0.1))
+    drawn = cable.reset(seed=1)[1]["drawn"]
+    first = math.sqrt(2172 * drawn["tension"] / (0.747 * drawn["mass"])) / (2 * 12.65)
+    assert engine_frequencies(cable.task.rows.of(0).plants.model)[0] == pytest.approx(first, rel=1e-3)
+    car = CarEnv(randomise={"body": (0.8, 0.9), "wheel": (1.1, 1.2)})
+    drawn = car.reset(seed=1)[1]["drawn"]
+    np.testing.assert_allclose(
+        car.task.rows.of(0).plants.model.body_mass[-2:], [40 * drawn["wheel"], 400 * drawn["body"]], rtol=1e-9
     )
-    env = FrameEnv(model=Model("narx", weights=text), command_max=1.0, motions=SHORT)
-    env.reset(seed=0)
-    rewards = [env.step(np.array([1.0], np.float32))[1] for _ in range(100)]
-    assert np.isfinite(rewards).all()
 
 
-def test_episodes_end_with_the_motion() -> None:
-    env = FrameEnv(duration=0.5, motions=RecordedMotions([embedded_motion()], compression=5.0))
-    env.reset(seed=0)
-    ends = [env.step(np.zeros(1, np.float32))[2:4] for _ in range(101)]
-    assert ends[-1] == (False, True)
-    assert not any(terminated or truncated for terminated, truncated in ends[:-1])
+@engines
+def test_an_episode_is_that_of_the_frame_built_by_hand(engine: str) -> None:
+    """To the last bit, reward and reference included."""
+    s, ranges = dyke1996(), {"stiffness": (0.9, 1.1), "mass": (0.9, 1.1)}
+    own = ShearFrame(0.93 * s.mass, 1.07 * s.stiffness, s.damping)
+    drawn: Any
+    by_hand: Any
+    drawn, by_hand = FrameEnv(engine=engine, randomise=ranges), FrameEnv(engine=engine, structure=own)
+    motion = SyntheticMotions(duration=1.5).draw(np.random.default_rng(3))
+    values = {"stiffness": 1.07, "mass": 0.93}
+    _, info = drawn.reset(options={"motion": motion, "drawn": values})
+    assert info["drawn"] == values
+    assert info["reference_drift"] == by_hand.reset(options={"motion": motion})[1]["reference_drift"]
+    for k in range(40):
+        one, other = (env.step(np.full(1, math.sin(k))) for env in (drawn, by_hand))
+        # Scales, which are of the frame as it is named, differ.
+        assert one[1] == other[1]
+        np.testing.assert_array_equal(drawn.task.measured, by_hand.task.measured)
+
+
+@engines
+def test_drawn_driver_and_sensor(engine: str) -> None:
+    """A first-order lag by hand, and a reading that is the force times its gain."""
+    ranges = {"driver_lag_tau": (0.02, 0.05), "sensor_gain_g": (0.5, 0.8)}
+    env: Any = CarEnv(engine=engine, randomise=ranges, signals=["current", "force", "true_force"])
+    drawn = env.reset(seed=4)[1]["drawn"]
+    for _ in range(6):
+        env.step(np.ones(1))
+    names, values = env.task.rows.names, env.task.measured[0]
+    measured = dict(zip(names, values, strict=True))
+    assert measured["current"] == pytest.approx(2.0 * (1 - math.exp(-0.03 / drawn["driver_lag_tau"])), rel=2e-2)
+    assert measured["force"] == pytest.approx(drawn["sensor_gain_g"] * measured["true_force"], rel=1e-6)
+
+
+@pytest.mark.parametrize("tau", [0.05, 0.5])
+def test_a_drawn_lag_acts_on_a_structure_of_ones_own(tau: float) -> None:
+    """A step of the command: the mean of u (1 - exp(-t / tau)) over the episode."""
+    env: Any = StructureEnv(OWN, engine="chain", randomise={"driver_lag_tau": (0.01, 1.0)})
+    info = env.reset(seed=3, options={"drawn": {"driver_lag_tau": tau}})[1]
+    duration, over = info["duration"], False
+    while not over:
+        _, _, _, over, info = env.step(np.ones(env.action_space.shape, np.float32))
+    mean = env.task.command_max[0] * (1 - tau / duration * (1 - np.exp(-duration / tau)))
+    assert info["mean_current"] == pytest.approx(mean, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    "given", [{"randomise": {"stiffness": (0.9, 1.1)}}, {"noise": {"force": 5.0}, "engine": "chain"}]
+)
+def test_a_seed_has_one_load(given: dict[str, Any]) -> None:
+    plain, other = (FrameEnv(**some).reset(seed=1)[1] for some in ({}, given))
+    assert (other["motion"], other["pga"]) == (plain["motion"], plain["pga"])
+
+
+@pytest.mark.parametrize(
+    ("make", "ranges", "message"),
+    [
+        (FrameEnv, {"stifness": (0.9, 1.1)}, "'stifness' is unknown.*nearest: stiffness"),
+        (FrameEnv, {"mass": (1.1, 0.9)}, r"mass is \(1.1, 0.9\)"),
+        (FrameEnv, {"mass": (0.0, 1.0)}, "mass is .*factors > 0"),
+        (FrameEnv, {"mass": 0.1}, "mass is 0.1"),
+        (FrameEnv, {"driver_lag_tau": (-1.0, 0.0)}, "driver_lag_tau"),
+        (FrameEnv, {"sensor_gain_g_4": (0.9, 1.0)}, "place 4"),
+        (FrameEnv, 3, "randomise is 3"),
+        (CableEnv, {"modes": (1, 2)}, "'modes' is unknown"),
+        (CableEnv, {"damper_at": (1.0, 60.0)}, "cable"),
+    ],
+)
+def test_ranges_are_checked_when_the_environment_is_made(make: Any, ranges: Any, message: str) -> None:
+    refuses(lambda: make(randomise=ranges), message)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, 0.0, -1.0, "1", None])
+def test_a_given_value_that_is_none_is_blamed_by_its_name(engine: str, value: Any) -> None:
+    env = FrameEnv(engine=engine, randomise={"mass": (0.9, 1.1), "driver_lag_tau": (0.004, 0.007)})
+    refuses(lambda: env.reset(options={"drawn": {"mass": value}}), "drawn: mass is .*; allowed: a factor > 0")
+    if value not in (0.0, -1.0):
+        message = "drawn: driver_lag_tau is .*; allowed: a number"
+        refuses(lambda: env.reset(options={"drawn": {"driver_lag_tau": value}}), message)
+
+
+def test_what_is_drawn_can_be_given_where_it_is_randomised() -> None:
+    refuses(lambda: FrameEnv().reset(options={"drawn": {"mass": 1.0}}), "drawn is .*with randomise")
+    env = FrameEnv(randomise={"mass": (0.9, 1.1)})
+    refuses(lambda: env.reset(options={"drawn": {"stiffness": 1.0}}), "'stiffness' is not randomised")

@@ -11,8 +11,8 @@ from scipy.signal import csd, welch
 
 from mrdamp.envs import AmbientLoads, CableLoad, MixedMotions, RecordedMotions, SyntheticMotions, WindLoads
 from mrdamp.envs.loads import cut
-from mrdamp.errors import InputError
 from mrdamp.motions import GroundMotion, embedded_motion
+from refusals import refuses
 
 
 def test_synthetic_motions_keep_to_their_ranges() -> None:
@@ -145,6 +145,4 @@ HALF = np.array([0.5])
     ],
 )
 def test_loads_that_cannot_be(kind: Callable[..., object], arguments: dict[str, Any]) -> None:
-    with pytest.raises(InputError) as caught:
-        kind(**arguments)
-    assert "\n" not in str(caught.value)
+    refuses(lambda: kind(**arguments), ".")

@@ -35,20 +35,6 @@ def test_a_storey_swings_to_twice_its_static_drift() -> None:
     assert found.strain_energy == pytest.approx(2 * (mass * ground) ** 2 / stiffness, rel=2e-3)
 
 
-def test_a_free_cable_holds_the_work_of_its_load() -> None:
-    """q = (F / w^2)(1 - cos w t) in one coordinate: mean squares over whole periods, and the energy 2 F^2 / w^2."""
-    cable, push = StayCable(ratio=1e-9), 0.3
-    w = float(cable.natural[0])
-    dt = 2 * np.pi / w / 500
-    pushes = np.zeros((5000, len(cable.natural)))
-    pushes[:, 0] = push
-    motion, acceleration, energy = free_run(cable, pushes, dt)
-    of = cable.mass * cable.length
-    assert motion * of == pytest.approx(1.5 * (push / w**2) ** 2, rel=1e-3)
-    assert acceleration * of == pytest.approx(0.5 * push**2, rel=1e-3)
-    assert energy == pytest.approx(2 * push**2 / w**2, rel=1e-3)
-
-
 def test_a_free_cable_follows_a_load_along_its_lines() -> None:
     """Against SciPy's integrator, of a load with 60 samples a second that is straight between them."""
     cable, step = StayCable(modes=3, ratio=0.05), 1 / 60

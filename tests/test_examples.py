@@ -1,4 +1,4 @@
-"""The example scripts run as they stand, at a small size, and show what they say."""
+"""The example scripts and the notebook run as they stand, at a small size, and show what they say."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import nbformat
 import pytest
+from nbformat import NotebookNode
 
 FOLDER = Path(__file__).parents[1] / "examples"
 SCRIPTS = sorted(FOLDER.glob("[0-9]*.py"))
@@ -81,3 +83,27 @@ def test_8_a_damper_trades_bearings_for_shaking() -> None:
     found = example(8)(shares=(0.0, 1.0))
     assert found[1.0]["bearings"] < 0.5 * found[0.0]["bearings"] < 0.5
     assert found[1.0]["shaking"] > found[0.0]["shaking"]
+
+
+NOTEBOOK = Path(__file__).parents[1] / "examples" / "whole_way.ipynb"
+
+
+def read() -> NotebookNode:
+    text = NOTEBOOK.read_text(encoding="utf-8")
+    notebook: NotebookNode = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
+    return notebook
+
+
+def test_outputs_are_stripped() -> None:
+    notebook = read()
+    assert all(not c.outputs and c.execution_count is None for c in notebook.cells if c.cell_type == "code")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of the kernel's own libraries
+def test_it_runs() -> None:
+    nbclient = pytest.importorskip("nbclient")
+    notebook = read()
+    nbclient.NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(NOTEBOOK.parent)}}).execute()
+    printed = [o.text for c in notebook.cells if c.cell_type == "code" for o in c.outputs if "text" in o]
+    assert any("driver" in text for text in printed)

@@ -16,6 +16,7 @@ from mrdamp.inverse.base import Extrapolation, command_range
 from mrdamp.inverse.baselines import Fixed, Switching
 from mrdamp.inverse.law import search
 from mrdamp.model import Effect, Model
+from refusals import refuses
 from twin_laws import BoucWen, Law, ModifiedBoucWen, Softening
 
 PERIOD = 1e-3
@@ -43,13 +44,9 @@ def steadily(inverse: Inverse, v: float, wanted: list[float]) -> list[float]:
 @pytest.mark.parametrize("v", [0.003, 0.05, -0.2])
 def test_a_law_without_memory_is_inverted_in_closed_form(v: float) -> None:
     wanted = [bingham(v, u) for u in (0.0, 0.3, 1.1, 1.9, 2.0)]
-    got = steadily(LawInverse(damper(), PERIOD, feedback=False, preview=False), v, [wanted[0], *wanted])
-    assert got[1:] == pytest.approx([0.0, 0.3, 1.1, 1.9, 2.0], abs=0.01)
-
-
-def test_what_is_out_of_reach_gets_the_nearer_end() -> None:
-    got = steadily(LawInverse(damper(), PERIOD, feedback=False, preview=False), 0.1, [0.0, -500.0, 10.0, 1e5])
-    assert got == [0.0, 0.0, 0.0, 2.0]
+    beyond = [-math.copysign(500.0, v), math.copysign(1e5, v)]  # out of reach: the nearer end
+    got = steadily(LawInverse(damper(), PERIOD, feedback=False, preview=False), v, [wanted[0], *wanted, *beyond])
+    assert got[1:] == pytest.approx([0.0, 0.3, 1.1, 1.9, 2.0, 0.0, 2.0], abs=0.01)
 
 
 def test_a_lagging_driver_is_led() -> None:
@@ -157,22 +154,6 @@ def test_the_measured_force_corrects_a_wrong_model(feedback: bool, left: float) 
     assert inverse.bias == pytest.approx(100.0 if feedback else 0.0, abs=5.0)
 
 
-def test_reset_forgets() -> None:
-    inverse = LawInverse(damper(Effect("driver_lag", {"tau": 0.01})), PERIOD)
-    wanted = [bingham(0.1, u) for u in (0.5, 1.0, 0.2, 0.8)]
-    first = steadily(inverse, 0.1, wanted)
-    assert steadily(inverse, 0.1, wanted) == first
-
-
-def test_a_steady_change_is_foretold_in_full() -> None:
-    extrapolated = Extrapolation(7.0, PERIOD)
-    got = [extrapolated(100.0 + 3.0 * k, 21.0) for k in range(12)]
-    assert got[6] == 118.0  # nothing has come yet
-    assert got[7:] == pytest.approx([142.0 + 3.0 * k for k in range(5)])
-    extrapolated.reset()
-    assert extrapolated(50.0, 21.0) == 50.0
-
-
 @pytest.mark.parametrize("turns", [0.1, 0.3, 0.7])
 def test_the_share_of_a_ringing_is_the_least_squares_one(turns: float) -> None:
     """A sine whose slope is led by h: sin(w (t + h)) - sin(w t) over w h cos(w t) is sin(w h) / (w h) in the mean."""
@@ -216,12 +197,9 @@ def test_search_finds_a_bent_root_and_keeps_the_last_command_without_authority()
 
 def test_bad_input_is_told() -> None:
     open_range = Model("bingham", {k: v for k, v in BINGHAM.items() if not k.startswith("command")})
-    with pytest.raises(InputError, match="no command_max"):
-        command_range(open_range)
+    refuses(lambda: command_range(open_range), "no command_max")
     assert command_range(open_range, (0.0, 1.5)) == (0.0, 1.5)
-    with pytest.raises(InputError, match="from 1 to 0"):
-        command_range(open_range, (1.0, 0.0))
+    refuses(lambda: command_range(open_range, (1.0, 0.0)), "from 1 to 0")
     with pytest.raises(InputError, match="longer than the command's delay"):
         LawInverse(damper(Effect("command_delay", {"d": 0.01})), PERIOD, 0.005)
-    with pytest.raises(InputError, match="period"):
-        LawInverse(damper(), 0.0)
+    refuses(lambda: LawInverse(damper(), 0.0), "period")

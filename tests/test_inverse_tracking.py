@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from PIL import Image
 
 from command_call import caller
 from excitation import Array
@@ -16,12 +18,14 @@ from mrdamp.commands.inverse import add_to
 from mrdamp.errors import InputError
 from mrdamp.inverse import LawInverse
 from mrdamp.inverse.baselines import Fixed
-from mrdamp.inverse.network import LAGS, NetworkInverse, network_inputs, swapped, train_inverse
-from mrdamp.inverse.rig import Sizes, records_of, with_effects_of_a_rig
+from mrdamp.inverse.network import LAGS, NetworkInverse, swapped, train_inverse
+from mrdamp.inverse.rig import Sizes, records_of
 from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, rms, track
-from mrdamp.inverse.trial import motion_like, wanted_force
+from mrdamp.inverse.trial import wanted_force
 from mrdamp.model import Effect, Model
 from mrdamp.narx.data import Series
+from mrdamp.pictures.tracking import force_tracking
+from refusals import refuses
 
 BINGHAM = {"c0a": 400.0, "c0b": 150.0, "fya": 50.0, "fyb": 600.0, "v_ref": 0.01, "command_min": 0.0,
            "command_max": 2.0}  # fmt: skip
@@ -68,12 +72,6 @@ def test_motion_is_exact_in_its_derivatives_and_of_its_size() -> None:
     assert rms(long[1]) / rms(long[0]) / (2 * np.pi) == pytest.approx(2.466, rel=0.04)
 
 
-def test_levels_are_even_between_0_and_1() -> None:
-    level = random_level(grid(40_000, 5e-3), 2.0, 3)
-    share = np.histogram(level, 4, (0.0, 1.0))[0] / 40_000
-    np.testing.assert_allclose(share, 0.25, atol=0.04)
-
-
 def test_figures_of_a_track() -> None:
     t = grid(4000)
     wanted, square = (
@@ -85,11 +83,6 @@ def test_figures_of_a_track() -> None:
     assert run.relative_error == pytest.approx(5.0 / rms(wanted))
     assert run.mean_command == pytest.approx(1.0)
     assert run.switching(2.0) == pytest.approx(1.5)  # three changes in two seconds, all of the range
-
-
-def test_the_force_that_is_judged_is_the_dampers() -> None:
-    run = track(MODEL, MOTION, np.zeros(4000), Fixed(1.2))
-    np.testing.assert_allclose(run.force, force_of(run.velocity, np.full(4000, 1.2)), atol=0.5)
 
 
 @pytest.mark.parametrize("kind", ["between", "unrelated"])
@@ -126,24 +119,6 @@ def test_a_ringing_of_the_wanted_force_is_not_led() -> None:
     assert error < quiet.relative_error + 0.05 < 0.13
 
 
-def test_the_network_finds_the_command_of_a_damper_in_closed_form() -> None:
-    net = network()
-    assert (net.low, net.period) == (0.0, 2e-3)
-    net.reset()
-    v, levels = 0.06, np.repeat([0.3, 1.0, 1.7, 0.6], 40)
-    got, current = [], levels[0]
-    for k, level in enumerate(levels):
-        y = {
-            "stroke": v * (k * 2e-3 - 0.16),
-            "stroke_velocity": v,
-            "force": float(force_of(np.array(v), current)),
-        }
-        got.append(net.command(k * 2e-3, float(force_of(np.array(v), level)), y))
-        current = got[-1] + (current - got[-1]) * np.exp(-2e-3 / 0.005)
-    settled = np.array(got).reshape(4, 40)[:, 25:].mean(axis=1)
-    np.testing.assert_allclose(settled, [0.3, 1.0, 1.7, 0.6], atol=0.12)
-
-
 def test_a_network_tracks_as_the_law_does_and_reads_back(tmp_path: Path) -> None:
     t = grid(6000)
     _, v, _ = MOTION.sample(t)
@@ -155,24 +130,10 @@ def test_a_network_tracks_as_the_law_does_and_reads_back(tmp_path: Path) -> None
     np.testing.assert_array_equal(runs[0].command, runs[1].command)
 
 
-def test_swapped_series_and_inputs_are_in_step() -> None:
+def test_swapped_series_have_the_force_of_later_in_the_commands_place() -> None:
     s = made(5, 50)
     turned = swapped(s, 3)
-    assert turned.n == 47
-    assert (turned.i[10], turned.force[10], turned.v[10]) == (s.force[13], s.i[10], s.v[10])
-    # Lag `lead` of the turned force is the force measured now.
-    rows = turned.regressors(network_inputs(3, LAGS[1]))
-    at = network_inputs(3, LAGS[1]).index(("i", 3))
-    np.testing.assert_array_equal(rows[10:, at], s.force[10:47])
-
-
-def test_effects_of_a_rig_change_the_force_by_a_part() -> None:
-    sizes = Sizes.of(MODEL, MOTION, 2.0)
-    plant = with_effects_of_a_rig(MODEL, sizes)
-    assert len(plant.effects) > 12
-    assert dict(plant.attributes)["driver_lag_tau"] == 0.005  # its own stays
-    believed, real = (track(m, MOTION, np.zeros(4000), Fixed(2.0)).force for m in (MODEL, plant))
-    assert 0.05 < rms(real - believed) / rms(believed) < 0.4
+    assert (turned.n, turned.i[10], turned.force[10], turned.v[10]) == (47, s.force[13], s.i[10], s.v[10])
 
 
 def test_records_of_a_plant_are_its_law_in_closed_form_and_noise() -> None:
@@ -189,14 +150,6 @@ def test_records_of_a_plant_are_its_law_in_closed_form_and_noise() -> None:
         v = record.velocity()
         noise = (record.channel("force_N") - force_of(v, current))[np.abs(v) > 0.04]
         assert rms(noise) == pytest.approx(sizes.noise[2], rel=0.2)
-
-
-def test_a_motion_like_the_records_moves_as_they_do() -> None:
-    records = records_of(MODEL, MOTION, Sizes.of(MODEL, MOTION, 2.0), count=3, seconds=8.0)
-    found = motion_like(records, 7)
-    assert found.rms == pytest.approx(MOTION.rms, rel=0.1)
-    x, v, _ = found.steady(grid(40_000, 5e-3))
-    assert rms(v) / rms(x) == pytest.approx(2 * np.pi * 2.466, rel=0.15)
 
 
 run = caller(add_to)
@@ -251,20 +204,71 @@ def test_the_command_with_everything(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_bad_input_of_the_command(arguments: list[str], named: str, tmp_path: Path) -> None:
     MODEL.write(tmp_path / "model.json")
     out = tmp_path / "out"
-    with pytest.raises(InputError, match=named):
-        run("inverse", tmp_path / "model.json", *arguments, "-o", out)
+    refuses(lambda: run("inverse", tmp_path / "model.json", *arguments, "-o", out), named)
     assert not out.exists()
 
 
 def test_bad_input_of_the_network(tmp_path: Path) -> None:
     s = made(0, 400)
     held = Series("held", s.sample_time, s.x, s.v, np.full(400, 0.5), s.force)
-    with pytest.raises(InputError, match="never varies"):
-        train_inverse([held], [s])
-    with pytest.raises(InputError, match="choose by"):
-        train_inverse([s], [])
+    refuses(lambda: train_inverse([held], [s]), "never varies")
+    refuses(lambda: train_inverse([s], []), "choose by")
     (tmp_path / "net.json").write_text('{"inverse": "law"}')
-    with pytest.raises(InputError, match="no network inverse"):
-        NetworkInverse.read(tmp_path / "net.json")
-    with pytest.raises(InputError, match="multiples"):
-        track(MODEL, MOTION, np.zeros(10), Fixed(0.0, 7.3e-4))
+    refuses(lambda: NetworkInverse.read(tmp_path / "net.json"), "no network inverse")
+    refuses(lambda: track(MODEL, MOTION, np.zeros(10), Fixed(0.0, 7.3e-4)), "multiples")
+
+
+TIME = np.arange(4000, dtype=np.float64) * np.float64(1e-3)
+#: Loudest from 2 to 3 s.
+WANTED = np.where((TIME >= 2.0) & (TIME < 3.0), 3.0, 1.0) * 400.0 * np.sin(2 * np.pi * 4.0 * TIME)
+STEPS = np.where(np.floor(8 * TIME) % 2 == 0, 0.0, 1.5)
+
+
+def a_track(name: str, error: float, scale: float = 1.0, command: Array = STEPS) -> Track:
+    still = np.zeros_like(TIME)
+    return Track(name, TIME, scale * WANTED, scale * WANTED + error, command, still, still, start=0.0)
+
+
+def lines(fig: Figure) -> list[list[Array]]:
+    return [[np.asarray(line.get_xydata()) for line in ax.lines] for ax in fig.axes]
+
+
+def test_each_run_stands_over_its_command_in_the_loudest_part() -> None:
+    fig = force_tracking([a_track("first", 30.0), a_track("second", -60.0)], "V", seconds=1.0)
+    panels = lines(fig)
+    assert len(panels) == 4
+    for k, error in ((0, 30.0), (2, -60.0)):
+        wanted, true = panels[k]
+        assert (wanted[0, 0], wanted[-1, 0]) == pytest.approx((2.0, 3.0), abs=0.003)
+        np.testing.assert_allclose(wanted[:, 1], np.interp(wanted[:, 0], TIME, WANTED))
+        np.testing.assert_allclose(true[:, 1] - wanted[:, 1], error)
+        assert fig.axes[k].get_ylabel() == "force, N"
+        assert fig.axes[k + 1].get_ylabel() == "V"
+        (command,) = panels[k + 1]
+        assert set(command[:, 1]) == {0.0, 1.5}
+        # It is held: drawn as steps, with its corners where it changes.
+        assert fig.axes[k + 1].lines[0].get_drawstyle() == "steps-post"
+        np.testing.assert_allclose(np.diff(command[1:-1, 0]), 0.125, atol=1e-9)
+    share = 100 * 30.0 / float(np.sqrt(np.mean(WANTED**2)))
+    assert fig.axes[0].get_title("left") == "first"
+    assert fig.axes[0].get_title("right") == f"RMS error {share:.1f} %"
+
+
+@pytest.mark.slow
+def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    parameters = {"c0a": 400.0, "c0b": 150.0, "fya": 50.0, "fyb": 600.0, "v_ref": 0.01, "command_max": 2.0}
+    model, picture = tmp_path / "model.json", tmp_path / "tracks.png"
+    Model("bingham", {"command_min": 0.0, **parameters}).write(model)
+    words: list[str | Path] = ["inverse", model, "--plant", model, "--no-network", "--seconds", "2"]
+    words += ["--picture", picture]
+    assert caller(add_to)(*words, "-o", tmp_path / "out") == 0
+    assert f"picture: {picture}" in capsys.readouterr().out
+    with Image.open(picture) as image:
+        colours = np.asarray(image.convert("RGB")).reshape(-1, 3)
+        assert image.width > 600
+    # Switching and the law inverse, each in its colour.
+    for colour in ((0x00, 0x72, 0xB2), (0xD5, 0x5E, 0x00)):
+        assert (np.abs(colours.astype(int) - colour).max(axis=1) < 8).sum() > 100
+    with pytest.raises(InputError, match=r"\.svg, \.png or \.pdf"):
+        caller(add_to)(*words[:-1], tmp_path / "t.bmp", "-o", tmp_path / "none")
+    assert not (tmp_path / "none").exists()

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-import gymnasium
 import mujoco
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from env_arguments import OWN
+from env_arguments import OWN, dashpot
 from mrdamp import cli
-from mrdamp.compare.benches import bench_of
 from mrdamp.envs import Goal, LinearStructure, Mechanics
 from mrdamp.envs.linear import own_kind
 from mrdamp.envs.plant import RowPlant
@@ -25,9 +23,6 @@ from refusals import refuses
 
 Isolated: Any = own_kind(OWN)
 DASHPOT = 900.0
-DAMPER = Model(
-    "bingham", {"c0a": DASHPOT, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 1.0, "command_max": 1.0}
-)
 #: kg; storey by storey N/m, N s/m.
 MASS, STIFFNESS, DAMPING = [150.0, 100.0, 100.0, 100.0], [9e4, 9e5, 9e5, 9e5], [250.0, 300.0, 300.0, 300.0]
 
@@ -64,7 +59,7 @@ def test_a_sine_passes_as_the_transfer_function_says(engine: str) -> None:
                 dynamic[j - 1, j] -= each
         x = np.linalg.solve(dynamic, -np.array(MASS, complex))  # per m/s2 of the ground
         motion = GroundMotion("sine", 1e-3, np.sin(w * 1e-3 * np.arange(12_000)))
-        plant = RowPlant(Isolated(DAMPER), engine=engine, timestep=2.5e-4)
+        plant = RowPlant(Isolated(dashpot(DASHPOT)), engine=engine, timestep=2.5e-4)
         plant.reset(motion)
         seen = []
         while not plant.finished:
@@ -95,7 +90,7 @@ def test_an_episode_has_a_period_for_every_instant_up_to_the_last_sample(
         def mechanics(self) -> Mechanics:
             return Mechanics([[1.0]], [[0.0]], [[1e-3]], [1.0], [[-1.0]], absolute=True)  # type: ignore[arg-type]
 
-    nothing = Model("bingham", {**DAMPER.parameters, "c0a": 1e-6})
+    nothing = dashpot(1e-6)
     plant, seen = RowPlant(Loose(nothing), engine=engine, period=period, timestep=1e-4), []
     plant.reset(GroundMotion("late", 5e-3, np.array([0.0, 0.0, 0.0, 0.0, 1.0])))
     while not plant.finished:
@@ -117,7 +112,7 @@ def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
             return Mechanics([[2.0]], [[0.0]], [[200.0]], [1.0], [[-2.0]], absolute=True)  # type: ignore[arg-type]
 
         def damper(self) -> Model:
-            return DAMPER
+            return dashpot(DASHPOT)
 
         def loads(self) -> Any:
             return None
@@ -132,46 +127,6 @@ def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
     drift, shaking = Single().uncontrolled(GroundMotion("short", 1e-3, np.full(101, 1.5)), 0.03)
     assert drift == pytest.approx(1.5 / 100 * (1 - np.cos(w * until)), rel=1e-3)
     assert shaking == pytest.approx(mean, rel=0.02)
-
-
-def test_a_motion_file_is_played_as_on_the_frame(tmp_path: Path) -> None:
-    """Five times as fast unless it is said; a motion that is no file as it is."""
-    file = tmp_path / "m.csv"
-    t = np.arange(2001) / 200
-    np.savetxt(
-        file, np.c_[t, np.sin(3 * t)], delimiter=",", header="time_s,ground_acceleration_m_s2", comments=""
-    )
-    env: Any = gymnasium.make("mrdamp/Structure-v0", structure=OWN, engine="chain")
-    for options, lasts, speed in (({}, 2.0, 5.0), ({"compression": 2}, 5.0, 2.0)):
-        info = env.reset(options={"motion": str(file), **options})[1]
-        assert info["duration"] == pytest.approx(lasts)
-        assert info["speed"] == speed
-    for compression, lasts in ((None, 2.0), (1.0, 10.0)):
-        bench = bench_of(OWN, compression=compression)
-        assert bench.read([file], 0.0)[0].duration == pytest.approx(lasts)
-    refuses(lambda: env.reset(options={"compression": 2}), "compression is that of a motion that is given")
-    refuses(lambda: bench_of("car", compression=2.0), "--compression is for ground motions")
-
-
-def test_the_reference_of_an_rms_goal_is_an_rms() -> None:
-    env: Any = gymnasium.make("mrdamp/Structure-v0", structure=OWN, engine="chain")
-    reference = env.reset(seed=3)[1]["reference_shaking"]
-    over = False
-    while not over:
-        _, _, _, over, info = env.step(np.array([-1.0], np.float32))
-    assert info["rms_shaking"] / reference == pytest.approx(info["shaking_ratio"], rel=1e-6)
-
-
-def test_engine_and_chain_say_the_same_of_an_episode() -> None:
-    found = []
-    for engine in ("mujoco", "chain"):
-        env: Any = gymnasium.make("mrdamp/Structure-v0", structure=OWN, engine=engine, timestep=2.5e-4)
-        env.reset(seed=4)
-        for k in range(400):
-            observation, reward, _, _, info = env.step(np.array([np.sin(0.1 * k)], np.float32))
-        found.append([*observation, info["shaking_ratio"], info["bearings_ratio"], info["dissipated_energy"]])
-        assert reward == pytest.approx(sum(v for name, v in info.items() if name.startswith("reward_")))
-    np.testing.assert_allclose(found[0], found[1], rtol=0.03, atol=0.01)
 
 
 @pytest.mark.slow

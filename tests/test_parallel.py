@@ -50,20 +50,6 @@ def test_an_unknown_backend_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # of Ray itself
-def test_a_ray_cluster_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    ray = pytest.importorskip("ray", reason="needs the extra cluster")
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
-    try:
-        monkeypatch.setenv("MRDAMP_BACKEND", "ray")
-        out = list(mapped(late, [(k, 4) for k in range(4)], jobs=2))
-    finally:
-        ray.shutdown()
-    assert [k for k, _ in out] == [0, 1, 2, 3]
-    assert os.getpid() not in {pid for _, pid in out}
-
-
-@pytest.mark.slow
 def test_a_killed_process_leaves_no_worker() -> None:
     code = (
         "import os, time\nfrom mrdamp.parallel import mapped\n"

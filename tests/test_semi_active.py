@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -13,16 +14,16 @@ from scipy.integrate import solve_ivp
 
 from knowing import Known
 from mrdamp.compare.dyke1996 import frame_model
-from mrdamp.control import Controller, ForceController, ideal_active, registry, skyhook
+from mrdamp.control import Controller, ForceController, registry, skyhook
 from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
-from mrdamp.control.force_control import Direct, Modulated, OnOff, Tracking
+from mrdamp.control.force_control import Modulated, OnOff
 from mrdamp.control.lyapunov import bang_bang, lyapunov, lyapunov_matrix, max_dissipation
 from mrdamp.control.plant import outputs, plant
 from mrdamp.control.zero_order_hold import ZeroOrderHold
-from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation import stepping
 from mrdamp.structures import ShearFrame, dyke1996
+from refusals import refuses
 
 Array = NDArray[np.float64]
 
@@ -59,10 +60,6 @@ def test_modulated_command_is_in_proportion_to_the_wanted_force(
     wanted: float, force: float, share: float
 ) -> None:
     assert Modulated(2.0, 1000.0)(wanted, 0.0, {"force": force}) == pytest.approx(2.0 * share)
-
-
-def test_direct_is_the_force_within_its_bound() -> None:
-    assert [Direct(500.0)(w, 0.0, {}) for w in (-900.0, -20.0, 700.0)] == [-500.0, -20.0, 500.0]
 
 
 def one_storey(mass: float = 120.0, stiffness: float = 4.8e5) -> ShearFrame:
@@ -151,10 +148,8 @@ def test_bang_bang_is_on_where_the_force_takes_the_function_down(
 
 
 def test_a_frame_without_damping_has_no_such_function() -> None:
-    with pytest.raises(InputError, match="a mode without damping"):
-        lyapunov(one_storey(), 2.0)
-    with pytest.raises(InputError, match="weights are"):
-        lyapunov(dyke1996(), 2.0, {"drift_1": -1.0})
+    refuses(lambda: lyapunov(one_storey(), 2.0), "a mode without damping")
+    refuses(lambda: lyapunov(dyke1996(), 2.0, {"drift_1": -1.0}), "weights are")
 
 
 @pytest.mark.parametrize(("floors", "floor", "sign"), [((0, 1), 1, 1.0), ((1, 3), 3, 1.0), ((2, 1), 2, -1.0)])
@@ -184,35 +179,6 @@ def test_skyhook_force_is_that_of_a_dashpot_to_the_sky(
     assert command == (2.0 if controller.wanted > 5.0 else 0.0)
 
 
-class Recorder:
-    """An inverse that gives back a fixed share of the force."""
-
-    name, period = "recorder", 2e-3
-
-    def __init__(self) -> None:
-        self.calls: list[tuple[float, float]] = []
-
-    def reset(self) -> None:
-        self.calls.clear()
-
-    def command(self, t: float, wanted_force: float, y: Mapping[str, float]) -> float:
-        self.calls.append((t, wanted_force))
-        return 0.001 * wanted_force
-
-
-def test_tracking_hands_the_wanted_force_to_the_inverse() -> None:
-    inverse = Recorder()
-    controller = ForceController(optimal_force(dyke1996(), period=2e-3), Tracking(inverse), 2e-3, "t")
-    y = dict.fromkeys(("acceleration_1", "acceleration_2", "acceleration_3", "displacement_1"), 1e-3) | {
-        "force": 2.0
-    }
-    commands = [controller.command(k * 2e-3, y) for k in range(4)]
-    assert commands[-1] == pytest.approx(0.001 * controller.wanted)
-    assert [t for t, _ in inverse.calls] == pytest.approx([0.0, 0.002, 0.004, 0.006])
-    controller.reset()
-    assert not inverse.calls
-
-
 def test_a_held_controller_is_asked_at_its_own_period() -> None:
     inner = Script(2.0, period=5e-3)
     held = ZeroOrderHold(inner, 5)
@@ -221,8 +187,7 @@ def test_a_held_controller_is_asked_at_its_own_period() -> None:
     commands = [held.command(k * 1e-3, {"force": float(k)}) for k in range(11)]
     assert [y["force"] for y in inner.seen] == [0.0, 5.0, 10.0]
     assert commands[5:10] == [pytest.approx(2.0 * math.sin(60 * 5e-3))] * 5
-    with pytest.raises(InputError, match="held over 0"):
-        ZeroOrderHold(inner, 0)
+    refuses(lambda: ZeroOrderHold(inner, 0), "held over 0")
 
 
 @pytest.mark.parametrize("floors", [(0, 1), (1, 2), (3, 1)])
@@ -263,34 +228,24 @@ def test_an_ideal_force_moves_the_frame_as_scipy_has_it(floors: tuple[int, int])
     assert not run.current.any()
 
 
-def test_ideal_active_control_does_better_than_the_frame_alone_and_takes_energy_out() -> None:
-    model, motion = frame_model(), kanai_tajimi(6, duration=12.0).compressed(5.0)
-    frame = dyke1996()
-    bare = stepping.run_frame(model, motion, None)
-    controller = ideal_active(frame, regulate=registry.balanced(frame, 5.0), r=1e-6)
-    run = stepping.run_frame(model, motion, controller, ideal_force=True)
-    assert np.abs(run.drift).max() < 0.6 * np.abs(bare.drift).max()
-    assert np.abs(run.acceleration).max() < 0.6 * np.abs(bare.acceleration).max()
-    taken = float(np.sum((run.force[1:] + run.force[:-1]) / 2 * np.diff(run.stroke)))
-    assert taken > 0
-
-
 SITE = registry.Site.of(frame_model())
 
 
 def test_every_named_controller_is_one() -> None:
-    y = {f"acceleration_{j}": 0.5 * j for j in (1, 2, 3)} | {"displacement_1": 1e-3, "displacement_2": 1e-3}
-    y |= {"displacement_3": 1e-3, "stroke": 1e-3, "stroke_velocity": 0.05, "force": 60.0}
+    y = {f"acceleration_{j}": -0.5 * j for j in (1, 2, 3)} | {f"displacement_{j}": -1e-3 for j in (1, 2, 3)}
+    y |= {"stroke_velocity": 0.05, "force": 60.0}
     for kind in registry.OPTIONS:
         controller = registry.make(kind, SITE)
         assert isinstance(controller, Controller)
         assert controller.period == SITE.period
-        commands = [controller.command(k * SITE.period, y) for k in range(4)]
-        assert np.isfinite(commands).all(), kind
+        runs = []
+        for _ in range(2):
+            controller.reset()
+            runs.append([controller.command(k * SITE.period, {**y, "stroke": 5e-5 * k}) for k in range(30)])
+        assert runs[0] == runs[1], kind
+        assert np.isfinite(runs[0]).all(), kind
         if not registry.is_ideal(kind):
-            assert all(0 <= u <= SITE.command_max for u in commands), kind
-        controller.reset()
-        assert [controller.command(k * SITE.period, y) for k in range(4)] == commands, kind
+            assert all(0 <= u <= SITE.command_max for u in runs[0]), kind
 
 
 def test_options_reach_the_controller() -> None:
@@ -304,11 +259,6 @@ def test_options_reach_the_controller() -> None:
     # With balance 1, a drift x and an acceleration w1^2 x cost the same.
     weights = registry.balanced(dyke1996(), 1.0)
     assert weights["drift_1"] == pytest.approx((2 * np.pi * 5.44) ** 4, rel=2e-3)
-
-
-def test_the_size_of_the_dampers_force() -> None:
-    # Spencer's damper at 2.25 V and 0.1 m/s: alpha (A / (2 beta))^(1/2), 1.1 kN, and a dashpot beside it.
-    assert 900 < SITE.force_max < 1500
 
 
 @pytest.mark.parametrize(
@@ -325,15 +275,11 @@ def test_the_size_of_the_dampers_force() -> None:
     ],
 )
 def test_bad_specs_get_one_line(spec: str, says: str) -> None:
-    with pytest.raises(InputError) as error:
-        registry.make(spec, SITE)
-    assert says in str(error.value)
+    refuses(lambda: registry.make(spec, SITE), re.escape(says))
 
 
 def test_a_site_needs_a_frame_and_a_range() -> None:
     model = frame_model()
-    with pytest.raises(InputError, match="has no frame"):
-        registry.Site.of(SITE.damper)
+    refuses(lambda: registry.Site.of(SITE.damper), "has no frame")
     rest = {k: v for k, v in model.parameters.items() if k != "command_max"}
-    with pytest.raises(InputError, match="no command_max"):
-        registry.Site.of(replace(model, parameters=rest))
+    refuses(lambda: registry.Site.of(replace(model, parameters=rest)), "no command_max")

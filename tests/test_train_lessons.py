@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
 
@@ -20,7 +19,6 @@ from mrdamp.train.lessons import Lessons
 from mrdamp.train.pool import Drawn, Known, known
 from mrdamp.train.worlds import World, world
 
-Array = NDArray[np.float64]
 FRAME, CABLE, CAR = "mrdamp/Frame-v0", "mrdamp/Cable-v0", "mrdamp/QuarterCar-v0"
 PLAIN: dict[str, dict[str, Any]] = {
     FRAME: {"period": 2e-3, "duration": 1.5},
@@ -86,13 +84,14 @@ def test_an_episode_pays_what_the_score_gains(environment: str, exponent: float)
         assert abs(expected) > 1e-5
 
 
-def test_a_renewed_base_is_worth_nothing_more() -> None:
+def test_a_renewed_base_is_worth_nothing_more_and_the_current_has_its_price() -> None:
     chosen, task, runs = pooled(FRAME)
     lessons = Lessons(PlantVecEnv(task), chosen, task, runs, 8.0, scale=1.0)
-    before = paid(lessons, OTHER, runs)
-    other = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, OTHER))
-    lessons.renew(other)
-    assert all(abs(v) < 2e-5 < abs(before[k]) for k, v in paid(lessons, OTHER, runs).items())
+    free = paid(lessons, OTHER, runs)
+    dear = paid(Lessons(PlantVecEnv(task), chosen, task, runs, 8.0, price=0.5, scale=1.0), OTHER, runs)
+    assert [free[k] - dear[k] for k in free] == pytest.approx([0.5 * OTHER] * len(runs), rel=0.02)
+    lessons.renew(known(chosen, chosen.task(2), [r.load for r in runs], constant(task, OTHER)))
+    assert all(abs(v) < 2e-5 < abs(free[k]) for k, v in paid(lessons, OTHER, runs).items())
 
 
 def test_what_goes_wrong_costs_along_the_tangent() -> None:
@@ -108,27 +107,6 @@ def test_what_goes_wrong_costs_along_the_tangent() -> None:
         assert found[k] == pytest.approx(float(((b**p - straight) * share).sum()), rel=1e-3)
         worse += bool((x > knee).any())
     assert worse
-
-
-def test_runs_of_the_pool_are_those_of_the_task() -> None:
-    chosen, _, runs = pooled(FRAME)
-    for run in runs:
-        assert run.measured.shape[0] == len(run.criteria) + 1
-        # A period's largest is at least what is measured at its start.
-        names = chosen.task(1).rows.names
-        drifts = [k for k, name in enumerate(names) if name.startswith("drift")]
-        starts = np.abs(run.measured[:-1, drifts]).max(axis=1)
-        assert (run.criteria[:, 0] >= starts - 1e-9).all()
-    peaks = [run.criteria.max(axis=0) for run in runs]
-    assert len({float(p[0]) for p in peaks}) == len(runs)
-
-
-def test_the_current_has_its_price() -> None:
-    chosen, task, runs = pooled(FRAME)
-    free = paid(Lessons(PlantVecEnv(task), chosen, task, runs, 8.0, scale=1.0), BASE, runs)
-    dear = paid(Lessons(PlantVecEnv(task), chosen, task, runs, 8.0, price=0.5, scale=1.0), BASE, runs)
-    for k in free:
-        assert free[k] - dear[k] == pytest.approx(0.5 * BASE, rel=0.02)
 
 
 def test_the_critic_is_told_of_base_time_and_size() -> None:
@@ -150,11 +128,3 @@ def test_the_critic_is_told_of_base_time_and_size() -> None:
     sizes = {int(k): float(s) for k, s in zip(lessons._load, seen[:, -1], strict=True)}
     order = sorted(sizes, key=lambda k: float(runs[k].criteria.max()))
     assert [sizes[k] for k in order] == sorted(sizes.values())
-
-
-def test_loads_of_a_pool_do_not_stay_in_step() -> None:
-    for environment in (FRAME, CABLE, CAR):
-        chosen = world(environment, {k: v for k, v in PLAIN[environment].items() if k != "duration"})
-        durations = [load.duration for load in chosen.some(np.random.default_rng(0), 12)]
-        assert max(durations) > 1.5 * min(durations)
-        assert len({round(d, 2) for d in durations}) > 8

@@ -1,8 +1,9 @@
-"""What a search runs on against the engine, and what it takes from a classical controller."""
+"""What a search runs on against the engine, what it takes from a classical controller, and the search itself."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,14 +18,13 @@ from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import TrainingRoads, some_motions
 from mrdamp.errors import InputError
 from mrdamp.train.evaluate import Act, episodes, forces
+from mrdamp.train.evolution import Cma, Shape, actions
 from mrdamp.train.imitation import estimated
 from mrdamp.train.worlds import world
+from refusals import refuses
 
 Array = NDArray[np.float64]
 FRAME, CABLE, CAR = "mrdamp/Frame-v0", "mrdamp/Cable-v0", "mrdamp/QuarterCar-v0"
-SEEN = {"action_in_observation": False}
-
-
 def policyish(task: Task, largest: float) -> Act:
     """Half the command where the force resists the first measurement, else none."""
 
@@ -71,8 +71,9 @@ def test_episodes_of_a_search_are_those_of_the_engine(environment: str, toleranc
     [(FRAME, "clipped-optimal:balance=30,r=1e-6"), (CABLE, "clipped-optimal"), (CAR, "lq-tracking:r=1")],
 )
 def test_states_of_the_observer_are_shares_of_the_wanted_force(environment: str, spec: str) -> None:
+    seen_alone: dict[str, Any] = {"action_in_observation": False}
     floors = [*(f"acceleration_{j}" for j in (1, 2, 3)), "displacement_1", "force"]
-    chosen = world(environment, {**SEEN, "signals": floors} if environment == FRAME else SEEN)
+    chosen = world(environment, {**seen_alone, "signals": floors} if environment == FRAME else seen_alone)
     observer = estimated(chosen, spec)
     task = chosen.task(1)
     controller = chosen.stage(task, spec).controller
@@ -86,7 +87,58 @@ def test_states_of_the_observer_are_shares_of_the_wanted_force(environment: str,
         states = seen[len(own.signals) :].astype(np.float64)
         size = np.abs(states).sum() * chosen.levels(task).force_max
         assert -states.sum() * chosen.levels(task).force_max == pytest.approx(wanted, abs=1e-5 * size + 1e-9)
-    with pytest.raises(InputError, match="no Kalman filter"):
-        estimated(chosen, "passive-on")
+    refuses(lambda: estimated(chosen, "passive-on"), "no Kalman filter")
     with pytest.raises(InputError, match="is not observed"):
-        estimated(world(environment, {**SEEN, "signals": ["stroke", "force"]}), spec)
+        estimated(world(environment, {**seen_alone, "signals": ["stroke", "force"]}), spec)
+
+
+def test_the_search_finds_the_minimum_of_an_ill_scaled_ellipsoid() -> None:
+    scales = np.logspace(0, 3, 6)
+    aim = np.linspace(-1, 1, 6)
+
+    def cost(x: np.ndarray) -> np.ndarray:
+        return np.asarray((scales * (x - aim) ** 2).sum(axis=-1))
+
+    cma = Cma(np.zeros(6), 0.3, 10, np.random.default_rng(1))
+    start = cost(cma.mean)
+    for _ in range(150):
+        cma.tell(cost(cma.ask()))
+    assert cost(cma.mean) < 1e-7 * start
+    assert cma.mean == pytest.approx(aim, abs=1e-3)
+
+
+def test_the_search_goes_on_from_a_file_as_if_it_had_not_stopped(tmp_path: Path) -> None:
+    def run(cma: Cma, generations: int) -> np.ndarray:
+        for _ in range(generations):
+            cma.tell((cma.ask() ** 4).sum(axis=1))
+        return cma.mean
+
+    whole = run(Cma(np.ones(4), 0.5, 8, np.random.default_rng(2)), 9)
+    first = Cma(np.ones(4), 0.5, 8, np.random.default_rng(2))
+    run(first, 5)
+    first.save(tmp_path / "c.npz")
+    second = Cma(np.zeros(4), 0.1, 8, np.random.default_rng(0))
+    second.load(tmp_path / "c.npz")
+    assert (run(second, 4) == whole).all()
+    assert np.abs(second.average - whole).max() > 0
+    once = Cma(np.zeros(4), 0.1, 8, np.random.default_rng(0))
+    once.tell((once.ask() ** 4).sum(axis=1))
+    np.testing.assert_allclose(once.average, 0.15 * once.mean)
+
+
+def test_candidates_at_once_act_as_their_networks() -> None:
+    shape = Shape(5, [4])
+    rng = np.random.default_rng(0)
+    candidates, seen = rng.standard_normal((3, shape.size)), rng.standard_normal((3, 2, 5))
+    each = [[shape.network(c)(seen[k, j])[0] for j in range(2)] for k, c in enumerate(candidates)]
+    assert actions(shape.layers(candidates), seen) == pytest.approx(np.array(each))
+    assert (actions(shape.layers(shape.start(rng)[None]), seen[:1]) == 0).all()
+
+
+@pytest.mark.parametrize("hidden", [[], [3], [4, 2]])
+def test_a_network_begins_at_given_weights(hidden: list[int]) -> None:
+    shape, rng = Shape(5, hidden), np.random.default_rng(1)
+    weights, seen = 0.1 * rng.standard_normal(5), rng.standard_normal((20, 5))
+    numbers = shape.linear(shape.start(rng), weights)
+    assert numbers.shape == (shape.size,)
+    assert shape.network(numbers)(seen)[:, 0] == pytest.approx(np.clip(seen @ weights, -1, 1), abs=1e-3)

@@ -1,18 +1,25 @@
-"""Settings of a training: defaults, overrides and what is refused."""
+"""Settings of a training: defaults, overrides, what is refused, and trainings that cannot go on."""
 
 from __future__ import annotations
 
+import json
+import shutil
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from env_arguments import OWN
+from mrdamp import cli, files
 from mrdamp.cli import main
 from mrdamp.errors import InputError
 from mrdamp.train.learn import train
 from mrdamp.train.settings import ALGORITHMS, Options, settings
 from mrdamp.train.worlds import world
+from refusals import refuses
 
 FRAME = "mrdamp/Frame-v0"
 PLAIN = Path(__file__).resolve().parents[1] / "examples" / "plain_ppo.yml"
@@ -24,8 +31,7 @@ def test_every_algorithm_has_hyperparameters_that_its_environment_takes(
     algorithm: str, environment: str
 ) -> None:
     if algorithm == "adjoint" and environment != FRAME:
-        with pytest.raises(InputError, match="no hyperparameters of adjoint"):
-            settings(Options(environment, algorithm))
+        refuses(lambda: settings(Options(environment, algorithm)), "no hyperparameters of adjoint")
         return
     for file in (None, PLAIN) if algorithm == "ppo" else (None,):
         chosen = settings(Options(environment, algorithm, hyperparameters=file))
@@ -52,11 +58,12 @@ def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:
         ({"overrides": ("n_envs=some",)}, "n_envs"),
         ({"overrides": ("viscous=true", "switch=true")}, "exclude each other"),
         ({"hyperparameters": Path("no/such.yml")}, "no such file"),
+        ({"model": Path("a.json"), "others": (Path("b.json"),)}, "ppo: 2 models"),
+        ({"algorithm": "es", "others": (Path("b.json"),)}, "es: 2 models"),
     ],
 )
 def test_wrong_settings_are_refused(options: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        settings(Options(**options))
+    refuses(lambda: settings(Options(**options)), said)
 
 
 def test_wrong_options_are_refused_in_a_line_by_the_command(
@@ -68,6 +75,7 @@ def test_wrong_options_are_refused_in_a_line_by_the_command(
         (["--algo", "es", "--set", "sigmas=1"], "sigmas"),
         (["--sweep", "gamma"], "NAME=VALUE"),
         (["--seeds", "0"], "--seeds"),
+        (["--algo", "es", "--set", "env_kwargs.damper_between=[[0,1],[1,2]]"], "training 2 dampers: allowed"),
     ):
         assert main(["train", FRAME, "-o", out, *arguments]) == 2
         error = capsys.readouterr().err.strip().splitlines()[-1]
@@ -82,13 +90,154 @@ def test_a_training_of_a_file_that_has_changed_is_refused(tmp_path: Path) -> Non
     file = tmp_path / "mine.py"
     file.write_text(text)
     few = ("population=4", "loads=2", "env_kwargs.timestep=0.005")
-    options = Options(f"{file}:Isolated", "es", timesteps=2000, overrides=few, evaluations=1)
+    options = Options(f"{file}:Isolated", "es", timesteps=100, overrides=few, evaluations=1)
     train(options, tmp_path / "out")
-    curve = train(options, tmp_path / "out").curve
-    assert curve
+    assert train(options, tmp_path / "out").curve
     file.write_text(text + "# changed\n")
-    with pytest.raises(InputError, match=r"another content of .*mine\.py"):
-        train(options, tmp_path / "out")
-    (tmp_path / "out" / "options.json").write_text("{")
-    with pytest.raises(InputError, match=r"options\.json: damaged"):
-        train(options, tmp_path / "out")
+    refuses(lambda: train(options, tmp_path / "out"), r"another content of .*mine\.py")
+
+
+pytest.importorskip("stable_baselines3", reason="needs the extra train")
+SMALL = {
+    "es": ("population=4", "loads=2", "env_kwargs.timestep=0.005"),
+    "ppo": ("n_envs=2", "n_steps=16", "batch_size=16", "env_kwargs.timestep=0.005"),
+    "sac": ("n_envs=2", "train_freq=8", "learning_starts=40", "env_kwargs.timestep=0.005"),
+}
+FILE = {"es": "checkpoint.npz", "ppo": "checkpoint.pt"}
+
+
+def options(algorithm: str, timesteps: int) -> Options:
+    return Options(OWN, algorithm, timesteps=timesteps, overrides=SMALL[algorithm], evaluations=1)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    made: dict[str, Path] = {}
+
+    def of(algorithm: str) -> Path:
+        if algorithm not in made:
+            made[algorithm] = tmp_path_factory.mktemp(algorithm) / "out"
+            train(options(algorithm, 32), made[algorithm])
+        return made[algorithm]
+
+    return of
+
+
+def cut(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+
+
+def emptied(file: Path) -> None:
+    file.write_text("{}")
+
+
+def narrower(file: Path) -> None:
+    np.save(file, np.load(file)[:, 1:])
+
+
+@pytest.mark.parametrize("algorithm", ["es", "ppo"])
+@pytest.mark.parametrize(
+    ("file", "harm", "said"),
+    [
+        ("checkpoint", cut, "damaged"),
+        ("checkpoint", emptied, "damaged"),
+        ("checkpoint", Path.unlink, "missing"),
+        ("state.json", cut, "damaged"),
+        ("state.json", emptied, "damaged"),
+        ("state.json", Path.unlink, "missing"),
+        ("normalization.npy", cut, "damaged"),
+        ("normalization.npy", lambda file: np.save(file, np.nan * np.load(file)), "damaged"),
+        ("normalization.npy", narrower, "damaged"),
+        ("options.json", emptied, "damaged"),
+        ("policy.json", cut, "no JSON.*"),
+        ("policy.json", emptied, "not a policy.*"),
+        ("policy.json", Path.unlink, "missing"),
+    ],
+)
+def test_a_damaged_training_is_named(
+    trained: Callable[[str], Path], algorithm: str, file: str, harm: Any, said: str, tmp_path: Path
+) -> None:
+    out, name = tmp_path / "out", FILE[algorithm] if file == "checkpoint" else file
+    shutil.copytree(trained(algorithm), out)
+    harm(out / name)
+    before = {f: f.read_bytes() for f in out.rglob("*") if f.is_file()}
+    given = [options(algorithm, 100_000), *([options(algorithm, 32)] if file == "policy.json" else [])]
+    for each in given:  # finished, it is read too
+        refuses(partial(train, each, out), f"{name}: {said}; delete the folder, and the training begins again")
+    assert {f: f.read_bytes() for f in out.rglob("*") if f.is_file()} == before
+
+
+@pytest.mark.slow
+def test_an_evaluation_is_written_whole_or_not_at_all(
+    trained: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its second or third file cannot be: the folder has neither a policy, nor a checkpoint, nor a state."""
+    for failing in (FILE["es"], "state.json"):
+        write = files.write_atomic
+
+        def broken(path: Path, content: Any, failing: str = failing, write: Any = write) -> None:
+            if path.name == failing:
+                raise InputError(f"{path}: cannot be written: no space left on device")
+            write(path, content)
+
+        with monkeypatch.context() as patched:
+            for module in ("run", "search"):
+                patched.setattr(f"mrdamp.train.{module}.write_atomic", broken)
+            refuses(partial(train, options("es", 32), tmp_path / failing), "no space left")
+        assert {f.name for f in (tmp_path / failing).iterdir() if f.is_file()} == {"normalization.npy", "options.json"}
+        train(options("es", 32), tmp_path / failing)
+        assert (tmp_path / failing / "policy.json").read_text() == (trained("es") / "policy.json").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("algorithm", "more", "learns"),
+    [
+        # Of 32 periods: the actor waits in the rollouts that begin at 0 and 32, and learns from that at 64 on.
+        ("ppo", ("freeze=33",), 65),
+        # Collections of 16 periods: that which ends at 48 is the first behind 40.
+        ("sac", (), 33),
+    ],
+)
+def test_what_would_learn_nothing_is_refused_with_the_number_that_is_needed(
+    algorithm: str, more: tuple[str, ...], learns: int, tmp_path: Path
+) -> None:
+    """The actor's weights of the trainings with that number, and with one less and no refusal, are the truth."""
+    from mrdamp.train import gradient
+    from mrdamp.train.settings import settings
+
+    def run(timesteps: int) -> gradient.GradientRun:
+        chosen = Options(OWN, algorithm, timesteps=timesteps, overrides=(*SMALL[algorithm], *more), evaluations=1)
+        return gradient.GradientRun(chosen, settings(chosen), tmp_path, settings(chosen).n_envs)
+
+    def moved(made: Any) -> float:
+        before = made.network().layers[-1][0].copy()
+        made.learn(lambda what, share: None)
+        return float(np.abs(made.network().layers[-1][0] - before).max())
+
+    refuses(lambda: run(learns - 1), f"{algorithm}: {learns - 1} control periods; allowed: more than {learns - 1}")
+    assert not list(tmp_path.iterdir())
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(gradient.GradientRun, "evaluate", lambda self: self.curve.append({"timesteps": 0.0}))
+        assert moved(run(learns)) > 0
+        patched.setattr(gradient.GradientRun, "_require_learning", lambda self: None)
+        assert moved(run(learns - 1)) == 0
+
+
+def test_the_command_tells_of_more_periods_and_of_an_untrained_policy(
+    trained: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(trained("es"), out / "seed_0")
+    state = out / "seed_0" / "training.json"
+    kept = json.loads(state.read_text())
+    for better, untrained in ((0, True), (1, False)):
+        for k, row in enumerate(kept["curve"]):
+            row["score"] = float(k != better)
+        state.write_text(json.dumps(kept))
+        call = ["train", OWN, "--algo", "es", "--set", *SMALL["es"], "--timesteps", "32", "--evaluations", "1"]
+        assert cli.main([*call, "-o", str(out)]) == 0
+        said = capsys.readouterr().err
+        many = int(kept["curve"][-1]["timesteps"])
+        assert f"mrdamp: seed 0: {many} periods, not 32: a learner takes whole generations or rollouts" in said
+        assert ("seed 0: its policy is untrained" in said) == untrained

@@ -36,7 +36,7 @@ TREE = WORK / "tree"
 RESULTS = WORK / "results.json"
 _TIME = 900  # s, of the tests of one mutant
 _NO_TESTS = 5  # exit code of pytest
-_COPIED = ("src", "tests", "tools", "studies", "models_xml")
+_COPIED = ("src", "tests", "tools", "studies", "models_xml", "examples")
 #: Packs take most of the compiler's time; they have the numbers of the plain library, to the bit.
 _NO_PACKS = ('MATCHES "x86_64|AMD64"', 'MATCHES "none"')
 _SWITCH = """#include <cstdlib>
@@ -199,7 +199,7 @@ MUTANTS = (
            ("np.abs(u[:-1]).mean(axis=1) @ held", "u[:-1].mean(axis=1) @ held"),
            ("shear = a @ frame.mass", "shear = a @ frame.stiffness"),
            ("np.trapezoid(values**2, t, axis=0) / (t[-1] - t[0])", "np.trapezoid(values**2, t, axis=0)")),
-    *_some("comfort (ISO 2631-1)", "src/mrdamp/simulation/comfort.py", "env_car car_control",
+    *_some("comfort (ISO 2631-1)", "src/mrdamp/simulation/comfort.py", "env_car",
            ("([w4 * w4 / w3, w4 * w4]", "([w4 / w3, w4 * w4]"),
            ("(2 * math.pi * f for f", "(math.pi * f for f"),
            ("np.sqrt(np.mean(found**2))", "np.mean(found**2)")),

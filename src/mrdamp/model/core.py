@@ -352,7 +352,7 @@ def run_frame(
     )[0]
 
 
-_STOREY_ROWS = tuple(f.name for f in fields(FrameInput) if f.name != "damper_between")
+_STOREY_ROWS = tuple(f.name for f in fields(FrameInput) if f.name not in ("damper_between", "sway", "rock"))
 
 
 def fill_frame(row: Frame, frame: FrameInput, keep: list[Array]) -> None:
