@@ -59,10 +59,10 @@ demo: build  ## the main job on the project's own records; page: out/demo/index.
 	@$(bin)/mrdamp demo -o out/demo
 
 # --- checks -----------------------------------------------------------------------------
-test: tools lint cpp-test sanitize  ## C++ tests (plain, sanitized), ruff, mypy, pytest without the slow ones
+test: tools lint sanitize  ## C++ tests under sanitizers, ruff, mypy, pytest without the slow ones
 	@$(bin)/python -m pytest -n 2 -m "not slow"
 
-check-all: tools lint cpp-test sanitize tsan fuzz wheel-test docs  ## test, slow tests, mutants, thread sanitizer, fuzzing, wheel, docs
+check-all: tools lint cpp-test sanitize tsan fuzz wheel-test docs  ## test, plain C++ tests, slow tests, mutants, thread sanitizer, fuzzing, wheel, docs
 	@$(bin)/python -m pytest -n 2
 	@$(MAKE) --no-print-directory mutants
 
