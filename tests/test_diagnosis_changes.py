@@ -8,7 +8,7 @@ import pytest
 
 from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.report.changes import Change, changes, unit_of
-from mrdamp.diagnosis.report.result import Diagnosis, Gap, Named, Where
+from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Where
 from mrdamp.diagnosis.report.sentence import sentence, table
 from mrdamp.model import Effect, Model
 from mrdamp.structures import dyke1996
@@ -61,8 +61,15 @@ def test_the_headline_has_ties_with_their_probabilities() -> None:
     assert "do not distinguish it from saturation (probability 0.30). Nearly the same as it: sensor_lag" in said
     assert "from 20.0 % to 10.0 %, 12.0 % on records left out of the fit; noise 1.0 %." in said
     assert "agrees with the rig (probability 0.97)" in sentence(found(verdict="none", effects=()))
-    unknown = found(verdict="unknown", effects=(), probabilities={"unknown": 0.8, "driver_lag": 0.2})
-    assert sentence(unknown).endswith("A cause outside the catalogue has probability 0.80.")
+    # What no candidate is established for need not be outside the catalogue.
+    unknown = found(
+        verdict="unknown", effects=(), probabilities={"unknown": 0.8, "driver_lag": 0.2},
+        candidates=(Candidate(("unknown",), 0.8, 0.2), Candidate((), 0.1, 0.2), Candidate(("driver_lag",), 0.1, 0.2)),
+    )  # fmt: skip
+    assert "established for the gap of 20.0 %; the first candidate is driver_lag." in sentence(unknown)
+    rival = {"what": "an end stop", "gap": 0.1, "nearest_gap": 0.15}
+    outside = replace(unknown, outside=rival)
+    assert sentence(outside).endswith("A cause outside the catalogue has probability 0.80.")
 
 
 def test_no_part_of_the_chain_is_blamed_where_nothing_has_changed() -> None:

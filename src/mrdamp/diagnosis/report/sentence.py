@@ -80,10 +80,8 @@ def _sentence(d: Diagnosis) -> str:
             f"The parameters of the simulator are wrong, its form is right ({likely}). Recalibrated, {shrink};"
             f" {noise}.{_rest(d)}"
         )
-    if d.verdict == "unknown" and d.beyond_baseline is not None:
-        return _unknown(d)
     if d.verdict == "unknown":
-        return f"{_unknown(d)} A cause outside the catalogue has {likely}."
+        return _unknown(d)
     parts = []
     for e in d.effects:
         place = f" {e.place}" if e.place is not None else ""
@@ -130,7 +128,8 @@ def _unknown(d: Diagnosis) -> str:
         return (
             f"The gap of {percent(g.nominal)} is most similar to {d.outside['what']}, which is outside the catalogue:"
             f" fitted to these records it leaves {percent(d.outside['gap'])}, the best effect of the catalogue"
-            f" {percent(d.outside['nearest_gap'])}."
+            f" {percent(d.outside['nearest_gap'])}. A cause outside the catalogue has probability"
+            f" {d.probabilities.get('unknown', 0.0):.2f}."
         )
     stage = max(d.where.stages, key=lambda s: d.where.stages[s])
     apart = next((row for row in d.compared if row["unexplained"]), None)
@@ -162,9 +161,11 @@ def _unknown(d: Diagnosis) -> str:
         )
     else:
         handed = f"the best correction leaves {percent(g.corrected)}"
+    first = next((" and ".join(c.causes) for c in d.candidates if set(c.causes) - {"unknown", "parameters"}), "")
     return (
-        f"No cause in the catalogue is established for the gap of {percent(g.nominal)}. The most probable stage is"
-        f" {stage}; {handed}.{_rest(d)}"
+        f"No cause in the catalogue is established for the gap of {percent(g.nominal)}"
+        f"{f'; the first candidate is {first}' if first else ''}. The most probable stage is {stage};"
+        f" {handed}.{_rest(d)}"
     )
 
 
