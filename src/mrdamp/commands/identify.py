@@ -209,7 +209,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     _found(fit, left, checks)
     rows = _intervals(a, fit, records) if a.intervals else ()
     with together():
-        write_identified(fit.model, records, a.out)
+        write_identified(fit.model, records.train, a.out)
         if a.picture:
             save_picture(overview_of(fit.model, records.held_out or records.train, a.command_unit), a.picture)
     print(f"model: {a.out}")
@@ -241,7 +241,7 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     print(f"law of the lines: fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
     _errors(fit.held_out, "held out")
     with together():
-        write_identified(fit.model, records, a.out)
+        write_identified(fit.model, records.train, a.out)
         if a.picture:
             save_picture(_lines(a, found), a.picture)
     print(f"model: {a.out}")

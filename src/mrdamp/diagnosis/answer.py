@@ -97,6 +97,10 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         if model is found.again.given:
             notes.append(f"what was found leaves {100 * left:.1f} %: the given simulator is handed over")
             alone = None
+    # Errors (samples,) of the forces of the given simulator and of the one that is handed over.
+    errors = {"nominal": first / given.weights}
+    kept = found.again is not None and model is found.again.given
+    errors["corrected"] = errors["nominal"] if kept else residual / whole.weights
     other = concluded.other
     return Diagnosis(
         case=case.name,
@@ -125,10 +129,9 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         other_law=None if other is None else other.to_dict(handed_over=handed is not final),
         remainder=None if verdict == "none" else rest,
         standing=None if decision.standing is None else asdict(decision.standing),
-        signatures=_signatures(whole, nominal, residual) if isinstance(found.rig, DamperRig) else (),
+        signatures=_signatures(whole, errors) if isinstance(found.rig, DamperRig) else (),
         pictures={
-            "nominal": first / given.weights,
-            "corrected": residual / whole.weights,
+            **errors,
             "measured": whole.measured(),
             **{f"condition {k}": v for k, v in conditions.items()},
             "blocks": [[b.record, b.channel, b.span.start, b.span.stop] for b in whole.blocks],
@@ -154,9 +157,10 @@ def _further_bars(search: Search, concluded: Concluded, recalibrated: Array) -> 
     causes = chosen.hypothesis.causes
     if handed is not concluded.final:
         return [step(f"law {handed.problem.rig.model({}).law}", handed.heldout)]
-    if not causes:
-        return [step("recalibrated", handed.heldout)]
     bars = [step("recalibrated", recalibrated)]
+    if not causes:
+        free = bool(handed.fit.hypothesis.nominal)
+        return [step("recalibrated", handed.heldout)] if free else [*bars, step("unchanged", handed.heldout)]
     for k in range(1, len(causes)):
         part = search.smallest(bool(chosen.hypothesis.nominal), causes[:k])
         if part is not None:
@@ -205,12 +209,10 @@ def _notes(found: Searched, handed: FinalFit, worse: Mapping[str, Sequence[str]]
     return notes
 
 
-def _signatures(whole: Problem, nominal: Array, corrected: Array) -> tuple[Signature, ...]:
-    """Signatures of the loops of a damper's own force: measured, and of both simulators by their residuals."""
+def _signatures(whole: Problem, errors: Mapping[str, Array]) -> tuple[Signature, ...]:
+    """Signatures of the loops of a damper's own force: measured, and of simulators by their errors (samples,)."""
     measured = whole.measured()
-    series = {"measured": measured} | {
-        name: measured + r / whole.weights for name, r in (("nominal", nominal), ("corrected", corrected))
-    }
+    series = {"measured": measured} | {name: measured + error for name, error in errors.items()}
     own = [b for b in whole.blocks if whole.rig.channels[b.channel] == "force_N"]
     motions = [whole.rig.conditions(b.record)["displacement (m)"][whole.taken(b.record)] for b in own]
     return compared(motions, {name: [values[b.span] for b in own] for name, values in series.items()})

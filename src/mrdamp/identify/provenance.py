@@ -11,7 +11,7 @@ from typing import Any
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
 from mrdamp.model import Model
-from mrdamp.records import Record, RecordSet
+from mrdamp.records import Record
 
 #: Key of a model file and of a case.json.
 IDENTIFIED_ON = "identified_on"
@@ -23,16 +23,12 @@ def text_hash(path: Path) -> str:
     return hashlib.sha256(decode(str(path), read_bytes(path)).encode()).hexdigest()[:_DIGITS]
 
 
-def write_identified(model: Model, records: RecordSet, out: Path) -> None:
-    """Writes a model with the names and hashes of its records, by which `mrdamp case` recognises them."""
-    used = _entry([*records.train, *records.validation])
-    replace(model, extra={**model.extra, IDENTIFIED_ON: used} if used else model.extra).write(out)
-
-
-def _entry(records: Iterable[Record]) -> list[dict[str, str]]:
-    """Records that were not read from a file are left out."""
+def write_identified(model: Model, records: Iterable[Record], out: Path) -> None:
+    """Writes a model with the names and hashes of the records that it was fitted to, by which `mrdamp case` recognises
+    them; those that were not read from a file are left out."""
     paths = dict.fromkeys(r.path for r in records if r.path is not None)
-    return [{"record": path.name, "sha256": text_hash(path)} for path in paths]
+    used = [{"record": path.name, "sha256": text_hash(path)} for path in paths]
+    replace(model, extra={**model.extra, IDENTIFIED_ON: used} if used else model.extra).write(out)
 
 
 def hashes(where: str, entry: Any) -> frozenset[str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from mrdamp.errors import InputError
 from mrdamp.records import Record
-from mrdamp.records.motion import faults
+from mrdamp.records.motion import driven, faults
 from mrdamp.records.sampling import Array
 
 #: Samples that a fit needs for each free number.
@@ -51,6 +51,10 @@ def check_channels(records: Sequence[Record], need: Sequence[str] = ("displaceme
                 raise InputError(
                     f"{record.label}: channel {name} is constant ({values[0]:g}); nothing can be identified from it"
                 )
+        if set(need) >= {"displacement_m", "force_N"} and (
+            said := driven(record.displacement, record.channel("force_N"), record.sample_time)
+        ):
+            raise InputError(f"{record.label}: force_N: {said}; turn its sign")
 
 
 def check_size(records: Sequence[Record], coordinates: int) -> None:

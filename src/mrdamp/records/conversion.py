@@ -13,6 +13,7 @@ import numpy as np
 from mrdamp.errors import InputError
 from mrdamp.records.channels import CHANNELS, is_channel, show
 from mrdamp.records.csv_file import is_number
+from mrdamp.records.motion import driven
 from mrdamp.records.record import Record
 from mrdamp.records.sampling import Array
 from mrdamp.records.tables import columns_of
@@ -32,7 +33,6 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 }
 _EVEN = 0.01  # of a step: clocks that wander less are uniform
 _HOLE = 5.0  # usual steps: what is longer is no jitter
-_DRIVES = 0.1  # of force times velocity, both RMS: a power below its negative is that of a turned sign, no noise
 
 
 class Column(NamedTuple):
@@ -165,17 +165,6 @@ def _record(path: Path, name: str, values: Mapping[str, Array], step: float) -> 
     record = Record(name, None, step, values)
     if record.force is None or "displacement_m" not in record.channels:  # a frame's
         return record
-    force, velocity = _left(record.channel("force_N"), record.displacement), record.velocity()
-    size = float(np.std(force) * np.sqrt(np.mean(velocity**2)))
-    if (power := float(np.mean(force * velocity))) < -_DRIVES * size:
-        raise InputError(
-            f"{path}: the damper would drive the rig (mean of force times velocity {power:.3g} W, without preload and "
-            "stiffness): one of the two counts the other way; turn it with a minus, force_N=-NAME"
-        )
+    if said := driven(record.displacement, record.channel("force_N"), step):
+        raise InputError(f"{path}: {said}; turn it with a minus, force_N=-NAME")
     return record
-
-
-def _left(force: Array, x: Array) -> Array:
-    """What a straight line over the displacement (n,) leaves of a force (n,): a preload over an open path does work."""
-    terms = np.column_stack([np.ones(len(x)), x])
-    return np.asarray(force - terms @ np.linalg.lstsq(terms, force)[0])

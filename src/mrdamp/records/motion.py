@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from mrdamp.records.sampling import Array
+from mrdamp.records.sampling import Array, derivative
 
 #: Motion within this share of the record's range does not count: noise at rest would add up to a long path.
 DEAD_BAND = 0.02
@@ -18,6 +18,11 @@ _TURN = 0.1
 _RESOLVED = 20.0
 #: s, ratio of RMS displacement to RMS velocity of a sine of .1 Hz.
 _SLOW = 10.0 / (2.0 * np.pi)
+#: Of force times velocity, both RMS: a power below its negative is that of a turned sign. In 1,201 records of measured
+#: and simulated dampers the least is +.04.
+_DRIVES = 0.1
+#: Of the largest force: what is left below it is rounding.
+_ROUNDED = 1e-9
 
 
 def path(x: Array) -> Array:
@@ -110,6 +115,22 @@ def rate_ratio(x: Array, v: Array, sample_time: float) -> float:
     span = max(spans, key=lambda s: float(np.mean((x[s::s] - x[:-s:s]) ** 2)))
     own, given = (y[span::span] - y[:-span:span] for y in (x, travelled))
     return float(own @ given / (own @ own)) if own.any() else 1.0
+
+
+def driven(x: Array, force: Array, sample_time: float) -> str:
+    """What is wrong where a damper would drive its rig, from displacement (n,) m and force (n,) N; empty where not.
+
+    What a straight line over the displacement leaves of the force counts: a preload over an open path does work.
+    """
+    terms = np.column_stack([np.ones(len(x)), x])
+    left, v = force - terms @ np.linalg.lstsq(terms, force)[0], derivative(x, sample_time)
+    size, power = float(np.std(left)), float(np.mean(left * v))
+    if size <= _ROUNDED * float(np.abs(force).max()) or not power < -_DRIVES * size * float(np.sqrt(np.mean(v**2))):
+        return ""
+    return (
+        f"the damper would drive the rig (mean of force times velocity {power:.3g} W, without preload and stiffness):"
+        " one of the two counts the other way"
+    )
 
 
 def faults(x: Array, force: Array) -> list[str]:

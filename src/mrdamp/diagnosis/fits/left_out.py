@@ -43,12 +43,16 @@ _REFITS, _RETRIES = 4, 2
 def folds(problem: Problem) -> list[Mask]:
     """Masks (samples,) of what is left out in turn: groups of records at random, or parts in time of each record."""
     lengths = [b.span.stop - b.span.start for b in problem.blocks]
-    count = len(problem.records)
+    count, measured = len(problem.records), problem.measured()
     if count < _GROUPS:
         number = np.concatenate([np.arange(n) * _PARTS // n for n in lengths])
         return [number == k for k in range(_PARTS)]
+    # By their size, so that the answer does not depend on the order or the names of the files.
+    size = dict.fromkeys(problem.records, 0.0)
+    for b in problem.blocks:
+        size[b.record] += float(np.sum(measured[b.span] ** 2))
     group = np.random.default_rng(_SEED).permutation(count) % _GROUPS
-    of = dict(zip(problem.records, group.tolist(), strict=True))
+    of = dict(zip(sorted(size, key=lambda k: size[k]), group.tolist(), strict=True))
     number = np.concatenate([np.full(n, of[b.record]) for n, b in zip(lengths, problem.blocks, strict=True)])
     return [number == k for k in range(_GROUPS)]
 
