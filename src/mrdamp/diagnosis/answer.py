@@ -246,8 +246,8 @@ def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
 
 
 def _remaining(search: Search, final: FinalFit, nominal: float, noise: float) -> tuple[Remainder | None, float]:
-    """The remaining error beyond the noise, None if the corrected simulator reaches the noise, and the gap of a model
-    of any form on left-out records.
+    """The remaining error beyond the noise, None if the corrected simulator reaches the noise, and the gap of a
+    regression on the same inputs on left-out records.
 
     nominal: gap of the nominal simulator. noise: gap due to noise.
     """

@@ -107,7 +107,7 @@ class Gap:
     corrected: float
     noise_floor: float
     interval: tuple[float, float]
-    ceiling: float | None = None  # of a model of any form
+    ceiling: float | None = None  # of a regression: what a better law would leave at most
     baseline: float | None = None  # nominal, on the rig's baseline records
     left_out: float | None = None  # corrected, each record left out of the fit in turn
 

@@ -114,7 +114,7 @@ def _rest(d: Diagnosis) -> str:
     if d.remainder.of == "law":
         ceiling = d.gap.ceiling
         better = (
-            "" if ceiling is None else f": a better law of the same inputs would leave {percent(ceiling)}"
+            "" if ceiling is None else f": a better law of the same inputs would leave {percent(ceiling)} or less"
         )
         return f" The remaining gap of {left} is an error of the law{better}."
     if d.remainder.of == "outside" and d.outside is not None:
