@@ -12,6 +12,7 @@ import pytest
 from mrdamp.cli import main
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.files import write_atomic
+from mrdamp.model import Model
 from mrdamp.records import embedded, read_records
 from mrdamp.records.csv_file import render
 
@@ -81,6 +82,20 @@ def test_a_case_that_cannot_be_diagnosed_is_refused(folder: Path, capsys: pytest
     assert main(["case", "dyke1996_3kN", str(folder), "-o", str(out)]) == 2
     assert "zz.csv: 75 samples; at least 100 are needed" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_simulator_in_another_unit_than_the_records_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same dashpot, identified on forces in kN."""
+    law = {"c0a": 1.5, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
+    model, out = folder.parent / "kN.json", folder.parent / "case"
+    Model("bingham", law).write(model)
+    assert main(["case", str(model), str(folder), "-o", str(out)]) == 2
+    assert "are in different units" in capsys.readouterr().err
+    assert not out.exists()
+    Model("bingham", {**law, "c0a": 1500.0}).write(model)
+    assert main(["case", str(model), str(folder), "-o", str(out)]) == 0
 
 
 def test_baseline_records_stand_apart(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

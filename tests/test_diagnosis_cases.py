@@ -35,7 +35,7 @@ def make_case(folder: Path, **changes: Any) -> Path:
             "time_s": t,
             "displacement_m": x,
             "command": np.full(400, 1.0),
-            "force_N": 1000 * np.cos(9 * t),
+            "force_N": 1000 * np.cos(2 * np.pi * (1 + k % 2) * t),
         }
         (folder / name).write_text(render(columns))
     case = {

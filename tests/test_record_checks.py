@@ -34,6 +34,12 @@ def test_a_clipped_force_is_told_and_a_whole_one_passes() -> None:
     refuses(lambda: identify("bingham", bad), r"1.2A_8mm: channel force_N is clipped: .* %")
 
 
+def test_a_pause_before_the_motion_is_not_clipping() -> None:
+    """A rod that waits at the end of its stroke, then moves."""
+    t = np.arange(3000) / 500
+    assert clipped(np.concatenate([np.full(300, -0.01), -0.01 * np.cos(2 * np.pi * t)])) is None
+
+
 def test_a_coarse_converter_is_not_clipping() -> None:
     t = np.arange(4000) / 1000
     noise = np.random.default_rng(0).normal(0, 2.0, len(t))

@@ -97,6 +97,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         if model is found.again.given:
             notes.append(f"what was found leaves {100 * left:.1f} %: the given simulator is handed over")
             alone = None
+    waterfall = (replace(waterfall[0], gap=gap.nominal), *waterfall[1:])  # the same figure, by the same files
     # Errors (samples,) of the forces of the given simulator and of the one that is handed over.
     errors = {"nominal": first / given.weights}
     kept = found.again is not None and model is found.again.given

@@ -126,14 +126,14 @@ def check_clipping(records: Sequence[Record]) -> None:
 
 
 def clipped(force: Array) -> tuple[float, float] | None:
-    """The level (N) that a force (n,) is cut off at and the share of the samples there; None where it is not."""
+    """The level (N) that a force (n,) is cut off at and the share of the samples there; None where it is not. A pause
+    at the beginning or the end of a record does not count."""
     for level, beyond in ((float(force.max()), 1.0), (float(force.min()), -1.0)):
         at = force == level
-        share = float(at.mean())
-        if share <= _SHARE:
-            continue
         edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]])))
-        if int((edges[1::2] - edges[::2]).max()) < _RUN:
+        runs = [(low, high) for low, high in zip(edges[::2], edges[1::2], strict=True) if low > 0 and high < len(at)]
+        share = float(at.mean())
+        if share <= _SHARE or max((high - low for low, high in runs), default=0) < _RUN:
             continue
         # A coarse converter also dwells at a peak, but nearly as long at the step below it.
         rest = force[~at]

@@ -20,6 +20,8 @@ from mrdamp.records.channels import DAMPER_INPUTS, FRAME_INPUTS, is_channel, lis
 #: Least number of samples of a record.
 LEAST = 100
 _INPUTS = {"damper": DAMPER_INPUTS, "frame": FRAME_INPUTS}
+#: Simulated over measured force from which, or from the inverse of which, units differ.
+_OTHER_UNIT = 100.0
 #: Two tests have the same input if their inputs differ by at most this share of their RMS.
 _SAME = 0.02
 
@@ -74,11 +76,29 @@ def read_case(folder: Path | str) -> Case:
         _record(folder, path, name, channels, data.get("sample_rate_hz"))
         for name in _baseline(path, data, names)
     )
+    _check_units(path, model, records)
     own = None
     if IDENTIFIED_ON in data:
         used = hashes(str(path), data[IDENTIFIED_ON])
         own = sum(text_hash(folder / name) in used for name in names)
     return Case(str(data.get("name", folder.name)), folder, model, records, repeats, baseline, own)
+
+
+def _check_units(path: Path, model: Model, records: Sequence[Record]) -> None:
+    """Raises InputError where a damper's simulator and its records differ as units do (kN, mm, mA: by 1000)."""
+    if model.rig != "damper":
+        return
+    size = np.zeros(2)
+    for r in records:
+        name = "force_N" if "force_N" in r.channels else "reference_force_N"
+        simulated = model.simulate(r.sample_time, r.channels)[name]
+        size += [float(np.mean(x**2)) for x in (simulated, r.channel(name))]
+    ratio = float(np.sqrt(size[0] / max(size[1], 1e-300)))
+    if not 1 / _OTHER_UNIT < ratio < _OTHER_UNIT:
+        raise InputError(
+            f"{path}: the simulator's force is {ratio:.3g} times the measured one (RMS over the records): its"
+            " parameters and the records are in different units; channels are in m, N, s, and A or V"
+        )
 
 
 def _baseline(path: Path, data: Mapping[str, Any], names: Sequence[str]) -> tuple[str, ...]:

@@ -160,7 +160,8 @@ def _unknown(d: Diagnosis) -> str:
             f"no correction holds on records left out of its fit, so the simulator is handed over {unchanged}"
         )
     else:
-        handed = f"the best correction leaves {percent(g.corrected)}"
+        by = d.waterfall[-1].name.removeprefix("+ ") if d.waterfall else ""
+        handed = f"the best correction{f' ({by})' if by else ''} leaves {percent(g.corrected)}"
     first = next((" and ".join(c.causes) for c in d.candidates if set(c.causes) - {"unknown", "parameters"}), "")
     return (
         f"No cause in the catalogue is established for the gap of {percent(g.nominal)}"
