@@ -111,7 +111,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         effects=named_effects(search, chosen, final, causes, intervals, regimes_of) if named else (),
         candidates=tuple(Candidate(c, sets[c], _candidate_gap(search, fits, c)) for c in weighed),
         indistinguishable=ties,
-        where=found.where(chosen, verdict, shares, nearby),
+        where=found.where(chosen, verdict, shares, nearby, causes),
         gap=gap,
         waterfall=waterfall,
         next_experiment=test,

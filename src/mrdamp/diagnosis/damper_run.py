@@ -119,14 +119,23 @@ class DamperSearched(Searched):
             self.search.looks_like, decision = None, replace(decision, outside=None)
         return fits, unexplained(decision, fits), None
 
-    def where(self, chosen: Fit, verdict: str, records: Mapping[str, float], regimes: tuple[Regime, ...]) -> Where:
-        """See `Searched`."""
+    def where(
+        self,
+        chosen: Fit,
+        verdict: str,
+        records: Mapping[str, float],
+        regimes: tuple[Regime, ...],
+        causes: Mapping[str, float],
+    ) -> Where:
+        """See `Searched`. A regression on the variables of each stage takes the law for the rig's: on records that the
+        simulator was identified on it named the stage of the documented cause in 2 of 26 unknown answers, the
+        candidates' probabilities in 11."""
         search, put_in = self.search, parts(self.rig, float(self.noise.levels[0]))
         evidence = None
-        if verdict == "unknown":
+        if verdict == "unknown" and self.case.question != "missed":
             evidence = StageEvidence.of(search.problem, float(self.noise.levels[-1]))
         drawn = put_in.drawn if put_in.found else None
-        stages, intervals = stage_shares(search, chosen, verdict, put_in.found, drawn, evidence)
+        stages, intervals = stage_shares(search, chosen, verdict, put_in.found, drawn, evidence, causes)
         return Where(
             stages=in_sensor(stages) if sensor_unexplained(self.compared) else stages,
             intervals=intervals,

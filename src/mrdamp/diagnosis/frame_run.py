@@ -128,7 +128,14 @@ class FrameSearched(Searched):
             return fits, decision, None
         return (*judge(*given, other.others), other) if other.others else (fits, not_established(decision), other)
 
-    def where(self, chosen: Fit, verdict: str, records: Mapping[str, float], regimes: tuple[Regime, ...]) -> Where:
+    def where(
+        self,
+        chosen: Fit,
+        verdict: str,
+        records: Mapping[str, float],
+        regimes: tuple[Regime, ...],
+        causes: Mapping[str, float],
+    ) -> Where:
         """See `Searched`. With a wrong law the damper's block is always faulty."""
         search, found = self.search, self.blocks
         evidence = damper_evidence(self.measured, found) if verdict == "unknown" else None

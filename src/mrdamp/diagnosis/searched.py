@@ -56,8 +56,16 @@ class Searched(ABC):
         needless."""
 
     @abstractmethod
-    def where(self, chosen: Fit, verdict: str, records: Mapping[str, float], regimes: tuple[Regime, ...]) -> Where:
-        """Where the gap lies, of a verdict and its fit. records, regimes: shares of the nominal gap."""
+    def where(
+        self,
+        chosen: Fit,
+        verdict: str,
+        records: Mapping[str, float],
+        regimes: tuple[Regime, ...],
+        causes: Mapping[str, float],
+    ) -> Where:
+        """Where the gap lies, of a verdict and its fit. records, regimes: shares of the nominal gap. causes: stated
+        probabilities."""
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ def stage_shares(
     measured: Sequence[Measured] = (),
     drawn: Array | None = None,
     evidence: StageEvidence | None = None,
+    causes: Mapping[str, float] | None = None,
 ) -> tuple[dict[str, float], dict[str, Interval]]:
     """Shares of the gap by stage, adding up to 1, and their 95 % intervals by bootstrap over seconds; none if the
     shares follow by definition.
@@ -35,8 +36,8 @@ def stage_shares(
     With named causes: the covariance of each cause's change of the simulated channels, at its fitted
     parameters, with the whole change. Changes of nominal parameters count as fluid. Without a cause
     (`unknown`): that of the cause outside the catalogue that explains the gap, else the evidence of each stage
-    (`evidence`), even shares without any. Measured interfaces (`measured`; drawn (draws, measured): their shares in the
-    same draws) take precedence.
+    (`evidence`), or without any the stages of the catalogue's causes by their probabilities (`causes`). Measured
+    interfaces (`measured`; drawn (draws, measured): their shares in the same draws) take precedence.
     """
     stages = [s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)]
     if verdict == "effect" and chosen.hypothesis.terms:
@@ -48,12 +49,16 @@ def stage_shares(
     if search.looks_like is not None:
         (term,) = search.looks_like.hypothesis.terms
         return {s: float(s == term.stage) for s in stages}, {}
-    if evidence is None:
-        return {s: 1 / len(stages) for s in stages}, {}
 
     def within(parts: Sequence[float], found: Mapping[str, float]) -> dict[str, float]:
         return _within({s: found.get(s, 0.0) for s in stages}, parts, measured)
 
+    if evidence is None:
+        of = {t.cause: t.stage for t in search.problem.rig.terms}
+        known = {s: sum(p for cause, p in (causes or {}).items() if of.get(cause) == s) for s in stages}
+        total = sum(known.values())
+        shares = {s: p / total if total > 0 else 1 / len(stages) for s, p in known.items()}
+        return within([m.share for m in measured], shares), {}
     parts = np.zeros((len(evidence.values) - 1, len(measured))) if drawn is None else drawn
     rows = [within(own.tolist(), evidence.at(k)) for k, own in enumerate(parts)]
     return within([m.share for m in measured], evidence.at()), _intervals(rows)

@@ -165,8 +165,9 @@ def _unknown(d: Diagnosis) -> str:
     first = next((" and ".join(c.causes) for c in d.candidates if set(c.causes) - {"unknown", "parameters"}), "")
     return (
         f"No cause in the catalogue is established for the gap of {percent(g.nominal)}"
-        f"{f'; the first candidate is {first}' if first else ''}. The most probable stage is {stage};"
-        f" {handed}.{_rest(d)}"
+        f"{f'; the first candidate is {first}' if first else ''}."
+        f"{'' if d.question == 'missed' else f' The most probable stage is {stage}.'}"
+        f" {handed[0].upper()}{handed[1:]}.{_rest(d)}"
     )
 
 
