@@ -35,7 +35,7 @@ from mrdamp.compare.motions import read_motions
 from mrdamp.compare.runner import Progress, run_all
 from mrdamp.compare.shares import share
 from mrdamp.compare.summary import Summary
-from mrdamp.control.replay import Replay
+from mrdamp.control.passive import Replay
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.motions import GroundMotion

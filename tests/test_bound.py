@@ -25,7 +25,7 @@ from mrdamp.compare.on_rows import run_rows
 from mrdamp.compare.rollouts import Rollouts, sensitivity
 from mrdamp.compare.shares import by_load, share
 from mrdamp.compare.summary import ratio
-from mrdamp.control.replay import Replay
+from mrdamp.control.passive import Replay
 from mrdamp.envs.chain_rows import FrameChain
 from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.plant_run import PlantBench
 from mrdamp.compare.shares import least
-from mrdamp.control.replay import Replay
+from mrdamp.control.passive import Replay
 from mrdamp.simulation.rows import ChainRows
 
 Array = NDArray[np.float64]

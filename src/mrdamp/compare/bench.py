@@ -253,11 +253,7 @@ class Bench(ABC):
     @property
     def command_max(self) -> float:
         """A or V. Raises InputError where the model has none."""
-        model = self.structure.models[0]
-        largest = model.attributes.get("command_max", math.nan)
-        if not 0 < largest < math.inf:
-            raise InputError(f"{model.name}: no command_max among its parameters; give the largest command")
-        return largest
+        return registry.largest_command(self.structure.models[0])
 
     def check(self, spec: str) -> None:
         """Raises InputError for an unknown controller."""

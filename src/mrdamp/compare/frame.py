@@ -14,9 +14,8 @@ from mrdamp.compare.bench import DEFAULT, ELECTRIC, UNCONTROLLED, Bench, Coil, M
 from mrdamp.compare.motions import unseen_motions
 from mrdamp.compare.on_rows import run_rows
 from mrdamp.control import registry
-from mrdamp.control.base import OWN, Controller, sensor_name
+from mrdamp.control.base import OWN, Controller, ZeroOrderHold, sensor_name
 from mrdamp.control.told import knowledge
-from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model import Model

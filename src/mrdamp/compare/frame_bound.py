@@ -13,7 +13,7 @@ from mrdamp.compare.clairvoyant import Array, Path, Peaks, search
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.rollouts import Rollouts
 from mrdamp.compare.shares import least
-from mrdamp.control.replay import Replay
+from mrdamp.control.passive import Replay
 from mrdamp.envs.chain_rows import FrameChain
 from mrdamp.envs.frame_task import Frame
 from mrdamp.model import FLOOR_SENSOR_EFFECTS

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Coil, require_periods
-from mrdamp.control.base import Controller
-from mrdamp.control.zero_order_hold import ZeroOrderHold
+from mrdamp.control.base import Controller, ZeroOrderHold
 from mrdamp.envs.plant import RowPlant
 
 Array = NDArray[np.float64]

@@ -17,8 +17,7 @@ from scipy.optimize import differential_evolution
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Load, digest, score
 from mrdamp.compare.runner import Progress, run_all
 from mrdamp.control import registry
-from mrdamp.control.base import Controller
-from mrdamp.control.zero_order_hold import ZeroOrderHold
+from mrdamp.control.base import Controller, ZeroOrderHold
 from mrdamp.envs.task import Task
 from mrdamp.errors import Diverged, InputError
 from mrdamp.files import write_atomic
@@ -185,9 +184,10 @@ class Search:
 
     def _start(self) -> Array | None:
         """Among the first points: what the package has for this kind, or for another one with all of these options."""
-        known = [registry.options_of(setting.spec) for setting in (shipped(self.bench) or {}).values()]
+        specs = [setting.spec for setting in (shipped(self.bench) or {}).values()]
+        known = [registry.parse(spec, self.bench.site.options) for spec in specs]
         known.sort(key=lambda found: found[0] != self.kind)
-        for _, options in known:
+        for *_, options in known:
             if set(self.ranges) <= set(options):
                 point = []
                 for name, (low, high) in self.ranges.items():

@@ -124,13 +124,7 @@ class ForceLevels:
     def from_dict(cls, data: Mapping[str, Any]) -> ForceLevels:
         """From `to_dict`. Raises InputError."""
         try:
-            release, damping = bool(data.get("release", False)), tuple(data.get("damping", ()))
-            return cls(
-                tuple(data["commands"]),
-                tuple(data["forces"]),
-                release,
-                damping,
-                float(data.get("speed", 0.0)),
-            )
+            release, speed = bool(data.get("release", False)), float(data.get("speed", 0.0))
+            return cls(data["commands"], data["forces"], release, data.get("damping", ()), speed)
         except (TypeError, KeyError, ValueError) as error:
             raise InputError(f"force levels: {error}") from None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
@@ -38,10 +38,7 @@ class LinearFilter:
                 raise InputError(f"observer: filter: {name} is not rows of numbers") from None
             object.__setattr__(self, name, rows)
         step, before, now = self.matrices
-        fits = step.shape == (len(step), len(step)) and before.shape == now.shape == (
-            len(step),
-            before.shape[-1],
-        )
+        fits = step.shape == (len(step), len(step)) and before.shape == now.shape == (len(step), before.shape[-1])
         if not len(step) or not fits or not all(np.isfinite(m).all() for m in (step, before, now)):
             raise InputError(
                 f"observer: filter: {step.shape}, {before.shape}, {now.shape} do not fit together"
@@ -119,11 +116,7 @@ class Observer:
                 raise InputError(f"observer: peaks is {self.peaks}; allowed: signals, and numbers > 0")
         if self.filter is not None and self.filter.matrices[1].shape[1] != len(self.signals):
             raise InputError(f"observer: the filter is not of {len(self.signals)} signals")
-        if (
-            isinstance(self.history, bool)
-            or not isinstance(self.history, int)
-            or not 1 <= self.history <= 1000
-        ):
+        if type(self.history) is not int or not 1 <= self.history <= 1000:
             raise InputError(f"observer: history is {self.history!r}; allowed: 1 to 1000 control periods")
         if not 0 < self.limit < math.inf:
             raise InputError(f"observer: limit is {self.limit}; allowed: a number > 0")
@@ -243,17 +236,9 @@ class Observer:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {
-            "signals": list(self.signals),
-            "scales": list(self.scales),
-            "history": self.history,
-            "action_in_observation": self.action_in_observation,
-            "command_max": list(self.command_max),
-            "limit": self.limit,
-            "memory": list(self.memory),
-            "peaks": dict(self.peaks),
-            "filter": self.filter.to_dict() if self.filter else None,
-        }
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        plain = {name: list(value) if isinstance(value, tuple) else value for name, value in own.items()}
+        return plain | {"peaks": dict(self.peaks), "filter": self.filter.to_dict() if self.filter else None}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Observer:

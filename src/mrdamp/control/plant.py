@@ -6,6 +6,7 @@ is an input here, as a controller that measures it may treat it.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -54,6 +55,14 @@ class Linear:
     @property
     def dampers(self) -> int:
         return 1 if self.plant.b.ndim == 1 else self.plant.b.shape[1]
+
+
+    def weighted(self, what: str, weights: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rows c, feedthrough d and weights (p,) of the outputs that have one. what: they are, for messages. Raises
+        InputError."""
+        if not weights or any(not 0 <= w < math.inf for w in weights.values()) or not any(weights.values()):
+            raise InputError(f"{what} {dict(weights)}; allowed: weights >= 0, one of them > 0")
+        return *self.outputs(tuple(weights)), np.array(list(weights.values()))
 
 
 def linear(structure: ShearFrame | Linear) -> Linear:
@@ -141,7 +150,13 @@ def outputs_of(
         rows[f"acceleration_{place}"] = at @ system.rate
         direct[f"acceleration_{place}"] = float(at @ system.push[:, 0])
     rows |= {name: np.append(row, none) for name, row in more.items()}
-    unknown = [name for name in names if name not in rows]
-    if unknown:
+    return named_rows(rows, direct, names)
+
+
+def named_rows(
+    rows: Mapping[str, FloatArray], direct: Mapping[str, float], names: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Rows c (p, n) and feedthrough d (p,), 0 by default, by name. Raises InputError for one that is not there."""
+    if unknown := [name for name in names if name not in rows]:
         raise InputError(f"measurement {unknown[0]!r} is unknown; allowed: {', '.join(rows)}")
     return np.array([rows[name] for name in names]), np.array([direct.get(name, 0.0) for name in names])

@@ -24,12 +24,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrdamp.control.base import OWN, sensor_name
+from mrdamp.control.base import OWN, Unlagged, sensor_name
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Memory, Network, State, matrix, rows
 from mrdamp.control.observe import Observer
-from mrdamp.control.unlagged import Unlagged
 from mrdamp.errors import InputError, require_positive
 from mrdamp.files import read_json, write_atomic
 

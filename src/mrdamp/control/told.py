@@ -20,11 +20,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mrdamp.control.base import Controller
+from mrdamp.control.base import Controller, Unlagged
 from mrdamp.control.policy import Policy
 from mrdamp.control.registry import AnySite
 from mrdamp.control.registry import Site as FrameSite
-from mrdamp.control.unlagged import Unlagged
 from mrdamp.errors import InputError, MrdampError
 from mrdamp.model import Model
 from mrdamp.simulation.rows import finite
