@@ -33,7 +33,6 @@ from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.frame_bound import PERIOD, Scales, frame_rollouts
 from mrdamp.compare.motions import read_motions
 from mrdamp.compare.runner import Progress, run_all
-from mrdamp.compare.shares import share
 from mrdamp.compare.summary import Summary
 from mrdamp.control.passive import Replay
 from mrdamp.errors import InputError
@@ -178,7 +177,7 @@ def table(result: Comparison, seconds: Sequence[float]) -> str:
     rows |= {c.name: c.name for c in result.contenders if c.name not in rows.values()}
     for head, name in rows.items():
         means = (f"{result.values[name][key].mean():.3f}" for key in ("J1", "J2", "mean_command"))
-        ways = (_text(share(result, name, bound)) for bound in TITLES)
+        ways = (_text(result.share(name, bound)) for bound in TITLES)
         lines.append(f"| {head} | {' | '.join((*means, *ways))} |")
     return "\n".join(lines)
 
@@ -199,7 +198,7 @@ def figure(result: Comparison, seconds: Sequence[float]) -> Figure:
     drawn = [name for name in _DRAWN if name in result.values]
     looks: Mapping[str, str] = dict(zip(drawn, (style.COLOURS[3], style.SIMULATED, style.COLOURS[2]), strict=False))
     for ax, (bound, title) in zip(axes, TITLES.items(), strict=True):
-        ways = [share(result, row_name(s), bound) for s in seconds]
+        ways = [result.share(row_name(s), bound) for s in seconds]
         low, high = ([max(getattr(w, key), -1.0) for w in ways] for key in ("low", "high"))
         ax.fill_between(place, low, high, color=style.COLOURS[0], alpha=0.2, linewidth=0)
         ax.plot(
@@ -211,7 +210,7 @@ def figure(result: Comparison, seconds: Sequence[float]) -> Figure:
             label="plans",
         )
         for name, colour in looks.items():
-            ax.axhline(share(result, name, bound).mean, color=colour, linestyle=style.DASHES[1], label=name)
+            ax.axhline(result.share(name, bound).mean, color=colour, linestyle=style.DASHES[1], label=name)
         ax.axhline(0.0, color=style.MUTED, linewidth=0.7)
         ax.axhline(1.0, color=style.MUTED, linewidth=0.7, linestyle=style.DASHES[2])
         ax.set_xticks(place, [f"{1e3 * s:g}" for s in seconds], rotation=60)

@@ -21,7 +21,6 @@ from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame_bound import frame_bound
 from mrdamp.compare.runner import Progress, run_all
-from mrdamp.compare.shares import score, start_of_way
 from mrdamp.control import registry
 from mrdamp.errors import InputError
 
@@ -85,7 +84,7 @@ def with_bounds(
     if starts < 1:
         raise InputError(f"compare: bound from {starts} controllers; allowed: 1 or more")
     result = replace(result, base=bench.base)
-    start_of_way(result)
+    result.start_of_way()
     cases = []
     for (i, load), (j, amplitude) in itertools.product(enumerate(loads), enumerate(result.amplitudes)):
         best = {name: _best(result, weights, i, j)[:starts] for name, weights in bench.bounds.items()}
@@ -118,6 +117,6 @@ def _best(result: Comparison, weights: Mapping[str, float], load: int, amplitude
         spec: float(value)
         for c in result.contenders
         if not c.bound and not any(spec.partition(":")[0] == registry.IDEAL for spec in c.specs)
-        for spec, value in zip(c.specs, score(result, c.name, weights)[:, load, amplitude], strict=True)
+        for spec, value in zip(c.specs, result.score(c.name, weights)[:, load, amplitude], strict=True)
     }
     return tuple(sorted(rated, key=rated.__getitem__))

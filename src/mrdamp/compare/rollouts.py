@@ -77,7 +77,7 @@ class Rollouts:
             self._place(rows)
 
     def run(self, commands: Array, states: bool = False) -> tuple[Array, Array]:
-        """Channels (n, periods, channels) of commands (n, periods), as `mrdamp.compare.on_rows` samples them: first
+        """Channels (n, periods, channels) of commands (n, periods), as `compare.frame.run_rows` samples them: first
         those at the start, then those after each command but the last; states (n, periods, size) besides, or none."""
         n, plants = len(commands), self.rows(len(commands)).plants
         plants.state[:] = self._state

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import json
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
-import joblib
-
 from mrdamp.compare.bench import digest
 from mrdamp.errors import InputError
+from mrdamp.parallel import mapped
 
 Progress = Callable[[str, float], None]
 Task = TypeVar("Task")
@@ -68,19 +64,6 @@ class Kept(Generic[Task]):
                 raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
 
 
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Processes that are started here leave Ctrl-C, which the terminal sends to all of them, to this one."""
-    if threading.current_thread() is not threading.main_thread():  # no other may set signals
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
 def run_all(
     work: Work[Task],
     tasks: Sequence[Task],
@@ -102,9 +85,7 @@ def run_all(
     done = len(tasks) - len(left)
     if progress:
         progress(f"{what}: {done} of {len(tasks)} kept", done / max(len(tasks), 1))
-    pool = joblib.Parallel(n_jobs=jobs, return_as="generator")
-    with _uninterrupted():
-        results = pool(joblib.delayed(work.run)(task) for task in left.values())
+    results = mapped(work.run, [(task,) for task in left.values()], jobs)
     for key, result in zip(left, results, strict=True):
         kept.add(key, result)
         done += 1

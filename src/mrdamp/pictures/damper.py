@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -34,14 +35,19 @@ from mrdamp.pictures.style import (
     REFERENCE,
     SIMULATED,
     axes_grid,
+    column,
     elide,
     figure,
     legend,
+    require_some,
     row_title,
     short,
     styled,
     ticks,
 )  # fmt: skip
+
+if TYPE_CHECKING:
+    from mrdamp.records import Record
 
 BINS = 400  # of a line over time: two points each, about what a screen resolves
 _MOST = 6  # rows of an overview
@@ -83,7 +89,7 @@ def loops(records: Sequence[LoopData], periods: float = 3.0) -> Figure:
 
     Shown are so many mean periods of the motion, where the piston moves fastest.
     """
-    _some("loops", records)
+    require_some("loops", records, "record")
     parts = [thinned(busiest(r.time, r.displacement, periods, r.velocity), 1500) for r in records]
     force, force_name = force_unit(*(r.measured for r in records))
     length, length_name = length_unit(*(r.displacement for r in records))
@@ -111,7 +117,7 @@ def histories(records: Sequence[LoopData], periods: float = 6.0) -> Figure:
     Shown are so many mean periods of the motion, where the piston moves fastest. A command that changes there
     is drawn below.
     """
-    _some("histories", records)
+    require_some("histories", records, "record")
     parts = [busiest(r.time, r.displacement, periods, r.velocity) for r in records]
     force, force_name = force_unit(*(r.measured for r in records))
     # One grid for all: subfigures would not line up.
@@ -168,6 +174,20 @@ def histories(records: Sequence[LoopData], periods: float = 6.0) -> Figure:
 
 
 @styled
+def channels(record: Record) -> Figure:
+    """Every channel of a record over time, a row each, in its units."""
+    shown = {name: values for name, values in record.channels.items() if name != "time_s"}
+    fig = figure(0.5 + 0.9 * len(shown))
+    rows = column(fig, len(shown), sharex=True)
+    for ax, (name, values) in zip(rows, shown.items(), strict=True):
+        ax.plot(*outline(record.time, values, BINS), color=COLOURS[0], linewidth=0.9)
+        ax.set_title(name)
+        ticks(ax, 6, 3)
+    rows[-1].set_xlabel("time, s")
+    return fig
+
+
+@styled
 def error_bars(
     names: Sequence[str],
     errors: Sequence[float],
@@ -180,7 +200,7 @@ def error_bars(
     whether nothing was fitted to it. marks: name -> error of other work, drawn as lines. A few
     bars that are much longer than the rest are cut, which an arrow shows; the values are next to the bars.
     """
-    _some("error_bars", names)
+    require_some("error_bars", names, "record")
     if not len(names) == len(errors) == len(held_out):
         counts = f"{len(names)} names, {len(errors)} errors and {len(held_out)} halves"
         raise InputError(f"picture: error_bars has {counts}; give as many of each")
@@ -243,8 +263,3 @@ def _range(record: LoopData, part: slice) -> tuple[float, float]:
 def _changes(record: LoopData, part: slice) -> bool:
     command = record.command[part]
     return float(np.ptp(command)) > 0.02 * max(peak(record.command), 1e-12)
-
-
-def _some(what: str, items: Sequence[object]) -> None:
-    if not len(items):
-        raise InputError(f"picture: {what} has nothing to show; give at least one")

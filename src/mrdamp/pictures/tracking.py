@@ -9,24 +9,30 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from mrdamp.errors import InputError
 from mrdamp.pictures.series import force_unit, padded, staircase, thinned
-from mrdamp.pictures.style import COLOURS, INK, MUTED, axes_grid, figure, legend, row_title, styled, ticks
+from mrdamp.pictures.style import (
+    COLOURS,
+    INK,
+    MUTED,
+    column,
+    figure,
+    legend,
+    require_some,
+    row_title,
+    styled,
+    ticks,
+)
 
 if TYPE_CHECKING:
     from mrdamp.inverse.tracking import Track
 
-_SECONDS = 1.5
-
-
 @styled
-def force_tracking(tracks: Sequence[Track], command_unit: str = "A", seconds: float = _SECONDS) -> Figure:
+def force_tracking(tracks: Sequence[Track], command_unit: str = "A", seconds: float = 1.5) -> Figure:
     """Each run's force over the wanted one, its command below: the part of so many seconds with the largest force.
 
     tracks: of one wanted force. Raises InputError where there is none.
     """
-    if not tracks:
-        raise InputError("picture: force_tracking has nothing to show; give at least one run")
+    require_some("force_tracking", tracks, "run")
     first = tracks[0]
     step = float(first.time[1] - first.time[0])
     count = min(len(first.time), round(seconds / step))
@@ -38,22 +44,16 @@ def force_tracking(tracks: Sequence[Track], command_unit: str = "A", seconds: fl
     top = max(float(t.command.max()) for t in tracks)
     fig = figure(0.7 + 1.75 * len(tracks))
     heights = [height for _ in tracks for height in (1.0, 0.5)]
-    axes = [row[0] for row in axes_grid(fig, 2 * len(tracks), 1, sharex=True, height_ratios=heights)]
+    axes = column(fig, 2 * len(tracks), sharex=True, height_ratios=heights)
     for k, run in enumerate(tracks):
         above, below = axes[2 * k], axes[2 * k + 1]
         above.plot(run.time[part], scale * run.wanted[part], color=INK, linewidth=0.9)
-        above.plot(
-            run.time[part],
-            scale * run.force[part],
-            color=COLOURS[k % len(COLOURS)],
-            linewidth=1.5,
-            zorder=1.9,
-        )
+        colour = COLOURS[k % len(COLOURS)]
+        above.plot(run.time[part], scale * run.force[part], color=colour, linewidth=1.5, zorder=1.9)
         row_title(above, above, run.name, f"RMS error {100 * run.relative_error:.1f} %")
         above.set_ylabel(f"force, {unit}")
         # Held between samples: a corner where it changes.
-        below.step(*staircase(run.time[window], run.command[window]), where="post", color=COLOURS[k % len(COLOURS)],
-                   linewidth=1.0)  # fmt: skip
+        below.step(*staircase(run.time[window], run.command[window]), where="post", color=colour, linewidth=1.0)
         below.set_ylim(*padded(0.0, top))
         below.set_ylabel(command_unit)
         ticks(above, 6, 4)
@@ -61,9 +61,6 @@ def force_tracking(tracks: Sequence[Track], command_unit: str = "A", seconds: fl
     axes[-1].set_xlim(float(first.time[start]), float(first.time[start + count - 1]))
     axes[-1].set_xlabel("time, s; below each force the command")
     fig.align_ylabels(axes)
-    legend(
-        fig,
-        [Line2D([], [], color=INK, linewidth=0.9), Line2D([], [], color=MUTED, linewidth=1.5)],
-        ["wanted", "true force, in colour"],
-    )
+    handles = [Line2D([], [], color=INK, linewidth=0.9), Line2D([], [], color=MUTED, linewidth=1.5)]
+    legend(fig, handles, ["wanted", "true force, in colour"])
     return fig

@@ -41,7 +41,7 @@ class Record(Shown):
         InputError: not a channel name, unequal lengths, fewer than 3 samples, a number that is not finite.
     """
 
-    picture: ClassVar[str] = "mrdamp.pictures.record:channels"
+    picture: ClassVar[str] = "mrdamp.pictures.damper:channels"
     name: str
     path: Path | None
     sample_time: float
