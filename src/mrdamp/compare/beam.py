@@ -13,14 +13,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.plant_run import WINDOW, PlantBench
 from mrdamp.control.passive import Replay
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import ChainRows, Stepping
 
-Array = NDArray[np.float64]
 #: Of the rows, (n,): what the last period cost, and what is to come after a number of periods.
 Cost = Callable[[ChainRows], Array]
 ToCome = Callable[[ChainRows, int], Array]

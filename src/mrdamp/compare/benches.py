@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.bound import with_bounds
@@ -16,7 +16,7 @@ from mrdamp.compare.contenders import contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.goals import GoalBench
-from mrdamp.compare.runner import Progress
+from mrdamp.compare.runner import How
 from mrdamp.compare.spread import with_spread
 from mrdamp.compare.tuning import Setting, settings_for
 from mrdamp.envs.linear import own_kind
@@ -95,9 +95,7 @@ def compared(
     tuned: Path | None = None,
     percent: Sequence[float] | None = None,
     bound: int | None = None,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> Compared:
     """What `mrdamp compare` does. Raises InputError.
 
@@ -107,21 +105,20 @@ def compared(
     """
     shipped = shipped_policies(bench.environment)
     names = list(controllers or (*bench.default, *shipped))
-    common: dict[str, Any] = {"jobs": jobs, "keep": keep, "progress": progress}
     # Tuning takes minutes: what is wrong with a file or a name is said before.
     contenders(bench, [name for name in names if name.rpartition("=")[2] not in bench.tuned], {}, shipped)
-    settings = settings_for(bench, names, anew=tune, needed=bool(controllers), file=tuned, **common)
+    settings = settings_for(bench, names, anew=tune, needed=bool(controllers), file=tuned, **how)
     if not settings and not controllers:
         names = [name for name in names if name not in bench.tuned]
     factors = amplitudes or (bench.unseen_amplitudes if loads is None else (1.0,))
     under = bench.unseen_loads() if loads is None else loads
-    result = compare(bench, contenders(bench, names, settings, shipped), under, factors, **common)
+    result = compare(bench, contenders(bench, names, settings, shipped), under, factors, **how)
     under = distinct(bench, under)
     if percent:
         assert isinstance(bench, FrameBench)
-        result = with_spread(bench, result, under, percent, **common)
+        result = with_spread(bench, result, under, percent, **how)
     if bound is not None:
-        result = with_bounds(bench, result, under, starts=bound, **common)
+        result = with_bounds(bench, result, under, starts=bound, **how)
     named = {name.rpartition("=")[2] for name in names}
     return Compared(result, under, {name: s for name, s in settings.items() if name in named})
 

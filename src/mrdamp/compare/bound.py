@@ -7,8 +7,7 @@ import itertools
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from mrdamp.compare.car_bound import car_bound
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame_bound import frame_bound
-from mrdamp.compare.runner import Progress, run_all
+from mrdamp.compare.runner import How, run_all
 from mrdamp.control import registry
 from mrdamp.errors import InputError
 
@@ -68,14 +67,12 @@ def with_bounds(
     loads: Sequence[Load],
     *,
     starts: int = 1,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> Comparison:
     """A comparison with the bench's bounds as rows of their own, searched for from the best `starts` runs of each case.
 
-    A bound is not worse than any controller of the comparison in any case. loads: those of the result. jobs, keep: see
-    `run_all`. Raises InputError.
+    A bound is not worse than any controller of the comparison in any case. loads: those of the result. Raises
+    InputError.
     """
     if not bench.bounds:
         raise InputError(
@@ -89,7 +86,7 @@ def with_bounds(
     for (i, load), (j, amplitude) in itertools.product(enumerate(loads), enumerate(result.amplitudes)):
         best = {name: _best(result, weights, i, j)[:starts] for name, weights in bench.bounds.items()}
         cases.append(Case(load, amplitude, best))
-    found = run_all(Cases(bench), cases, jobs=jobs, keep=keep, progress=progress, what="bound")
+    found = run_all(Cases(bench), cases, "bound", **how)
     shape = 1, len(loads), len(result.amplitudes)
     values = {
         name: {

@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import cont2discrete
 
@@ -18,10 +17,9 @@ from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.cable import CableBench
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_rows import CableChain
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import ChainRows
 from mrdamp.structures.cables import StayCable
-
-Array = NDArray[np.float64]
 
 #: s, of the chain at most. The motion is up to 2.2 % below that in MuJoCo at 0.25 ms, .2 % in the median of 18
 #: cases; at 1 ms it was 3 % in one of two.

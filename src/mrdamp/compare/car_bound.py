@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_lyapunov
 
 from mrdamp.compare.beam import Beam, judged, search, started
@@ -16,12 +15,11 @@ from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.car import CarBench
 from mrdamp.envs.car_rows import PERIOD
 from mrdamp.envs.chain_rows import CarChain
+from mrdamp.model.core import Array
 from mrdamp.simulation.comfort import STATES, wk_sections
 from mrdamp.simulation.roads import Road
 from mrdamp.simulation.rows import ChainRows
 from mrdamp.structures.cars import QuarterCar
-
-Array = NDArray[np.float64]
 
 _STEP = 1e-3  # s, of the chain at most
 #: Dashpots of the estimate of what is to come, over the critical one. The narrowest beam tries all of them, the wider

@@ -17,8 +17,8 @@ from scipy.optimize import linprog
 
 from mrdamp.compare.rollouts import Rollouts, sensitivity
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.intp]
 
 #: Fractions of a change that are tried by simulation.

@@ -5,15 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar, Unpack
 
 import numpy as np
 
 from mrdamp.compare.bench import Bench, Load, Measure
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.own import is_code
-from mrdamp.compare.runner import Progress
+from mrdamp.compare.runner import How
 from mrdamp.compare.summary import Summary, difference, ratio, summarise
 from mrdamp.compare.tuning import run_grid
 from mrdamp.control.policy import Policy
@@ -109,13 +108,9 @@ def compare(
     contenders: Sequence[Contender],
     loads: Sequence[Load],
     amplitudes: Sequence[float],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> Comparison:
-    """Every contender under every one of the `distinct` loads at every amplitude. jobs, keep: see
-    `mrdamp.compare.runner.run_all`. Raises InputError."""
+    """Every contender under every one of the `distinct` loads at every amplitude. Raises InputError."""
     if not contenders or not loads or not amplitudes:
         raise InputError("compare: give at least one controller, one motion and one amplitude")
     for amplitude in amplitudes:
@@ -132,9 +127,10 @@ def compare(
     given, loads = loads, distinct(bench, loads)
     cases = list(itertools.product(loads, amplitudes))
     specs = [spec for c in contenders for spec in c.specs]
-    rows = run_grid(bench, specs, cases, jobs=jobs, keep=keep, progress=progress)
+    rows = run_grid(bench, specs, cases, **how)
     own = [spec for spec in specs if is_code(spec)]
-    again = run_grid(bench, own, cases[:1], jobs=jobs, progress=progress, what="repeated runs") if own else {}
+    anew: How = {**how, "keep": None}
+    again = run_grid(bench, own, cases[:1], "repeated runs", **anew) if own else {}
     unsteady = [
         f"{spec.partition(':')[2]}: its first run, repeated, has another result: it keeps state between runs that its "
         "reset does not put back, or draws numbers without a seed"

@@ -10,13 +10,14 @@ import numpy as np
 
 from mrdamp.compare.beam import least
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.clairvoyant import Array, Path, Peaks, search
+from mrdamp.compare.clairvoyant import Path, Peaks, search
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.rollouts import Rollouts
 from mrdamp.control.passive import Replay
 from mrdamp.envs.chain_rows import FrameChain
 from mrdamp.envs.frame_task import Frame
 from mrdamp.model import FLOOR_SENSOR_EFFECTS
+from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
 from mrdamp.simulation.rows import Stepping
 from mrdamp.simulation.stepping import FrameRun

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Coil, require_periods
 from mrdamp.control.base import Controller, ZeroOrderHold
 from mrdamp.envs.plant import RowPlant
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 #: s. Every run is as long as with control periods of this, so that no controller is judged by motion that another's run
 #: is too short for; a period that is no multiple of it is stepped in parts of at most _PART.

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import HEADER, RowMoment
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.intp]
 
 #: Perturbation of a state or command, over its size in the run. From 1e-7 to 1e-5 the slopes agree within 1e-4.

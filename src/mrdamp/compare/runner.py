@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypedDict, TypeVar, Unpack
 
 from mrdamp.compare.bench import digest
 from mrdamp.errors import InputError
@@ -13,6 +13,15 @@ from mrdamp.parallel import mapped
 
 Progress = Callable[[str, float], None]
 Task = TypeVar("Task")
+
+
+class How(TypedDict, total=False):
+    """How many runs are made. jobs: processes, 1 by default, -1 for all cores; keep: the file of results that are not
+    made again; progress: called with what is being done and its share."""
+
+    jobs: int
+    keep: Path | None
+    progress: Progress | None
 
 
 class Work(Protocol[Task]):  # type: ignore[misc]
@@ -67,19 +76,14 @@ class Kept(Generic[Task]):
 def run_all(
     work: Work[Task],
     tasks: Sequence[Task],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
     what: str = "runs",
+    **how: Unpack[How],
 ) -> list[dict[str, Any]]:
-    """The result of every task, in their order; those that `keep` holds are not run again.
-
-    jobs: processes, -1 for all cores. Raises InputError.
-    """
+    """The result of every task, in their order; those that `keep` holds are not run again. Raises InputError."""
+    jobs, progress = how.get("jobs", 1), how.get("progress")
     if jobs == 0:
         raise InputError("compare: 0 jobs; allowed: 1 or more, or -1 for all cores")
-    kept: Kept[Task] = Kept(keep)
+    kept: Kept[Task] = Kept(how.get("keep"))
     keys = [work.key(task) for task in tasks]
     left = {key: task for key, task in zip(keys, tasks, strict=True) if key not in kept}
     done = len(tasks) - len(left)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from mrdamp.compare.bench import digest
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import FrameBench
-from mrdamp.compare.runner import Progress, run_all
+from mrdamp.compare.runner import How, run_all
 from mrdamp.compare.tuning import Loops
 from mrdamp.control import registry
 from mrdamp.model import Model
@@ -61,16 +60,13 @@ def on_rows(
     rows: Sequence[Contender],
     loads: Sequence[GroundMotion],
     amplitudes: Sequence[float],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> dict[str, Comparison]:
-    """Comparisons on several benches, whose measures are those that make the objective. jobs, keep: see `run_all`."""
+    """Comparisons on several benches, whose measures are those that make the objective."""
     shape = len(loads), len(amplitudes)
     work = _Structures(benches, tuple(loads), tuple(amplitudes))
     tasks = [_Case(name, row) for name in benches for row in rows]
-    results = iter(run_all(work, tasks, jobs=jobs, keep=keep, progress=progress, what="structures"))
+    results = iter(run_all(work, tasks, "structures", **how))
     found = {}
     for name, bench in benches.items():
         values = {
@@ -89,14 +85,11 @@ def with_spread(
     result: Comparison,
     loads: Sequence[GroundMotion],
     percent: Sequence[float],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> Comparison:
     """The comparison, with `others`: stiffness and mass less and more by each percentage, on rows of the chain.
 
-    percent: above 0 and below 100. jobs, keep: see `mrdamp.compare.runner.run_all`.
+    percent: above 0 and below 100.
     """
     # An ideal actuator is no damper, and rows have dampers.
     rows = [c for c in result.contenders if not c.bound and not registry.is_ideal(c.specs[0])]
@@ -108,5 +101,5 @@ def with_spread(
         for part in PARTS
         for p in signed
     }
-    others = on_rows(benches, rows, loads, result.amplitudes, jobs=jobs, keep=keep, progress=progress)
+    others = on_rows(benches, rows, loads, result.amplitudes, **how)
     return replace(result, others=others)

@@ -9,13 +9,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from scipy.optimize import differential_evolution
 
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Load, digest, score
-from mrdamp.compare.runner import Progress, run_all
+from mrdamp.compare.runner import How, run_all
 from mrdamp.control import registry
 from mrdamp.control.base import Controller, ZeroOrderHold
 from mrdamp.envs.task import Task
@@ -71,16 +71,13 @@ def run_grid(
     bench: Bench,
     specs: Sequence[str],
     cases: Sequence[tuple[Load, float]],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
     what: str = "runs",
+    **how: Unpack[How],
 ) -> dict[str, list[Mapping[str, float]]]:
-    """Every measure of every spec on every case of load and amplitude. jobs, keep: see `run_all`."""
+    """Every measure of every spec on every case of load and amplitude."""
     rows = list(dict.fromkeys([UNCONTROLLED, *specs]))
     tasks = [Run(spec, load, amplitude) for spec in rows for load, amplitude in cases]
-    found = run_all(Runs(bench), tasks, jobs=jobs, keep=keep, progress=progress, what=what)
+    found = run_all(Runs(bench), tasks, what, **how)
     parts = [found[k : k + len(cases)] for k in range(0, len(found), len(cases))]
     return {
         spec: [bench.values(kept, without) for kept, without in zip(part, parts[0], strict=True)]
@@ -232,18 +229,10 @@ class _Searches:
         return vars(Search(self.bench, kind).run())
 
 
-def tune(
-    bench: Bench,
-    names: Sequence[str] | None = None,
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
-) -> dict[str, Setting]:
-    """The best setting of each named controller, of all that are tuned by default. keep: see `run_all`."""
+def tune(bench: Bench, names: Sequence[str] | None = None, **how: Unpack[How]) -> dict[str, Setting]:
+    """The best setting of each named controller, of all that are tuned by default."""
     kinds = {name: bench.tuned[name] for name in (bench.tuned if names is None else names)}
-    work = _Searches(bench)
-    found = run_all(work, list(kinds.values()), jobs=jobs, keep=keep, progress=progress, what="tuning")
+    found = run_all(_Searches(bench), list(kinds.values()), "tuning", **how)
     return {name: Setting(**setting) for name, setting in zip(kinds, found, strict=True)}
 
 
@@ -283,9 +272,7 @@ def settings_for(
     anew: bool = False,
     needed: bool = True,
     file: Path | None = None,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> dict[str, Setting]:
     """Of the tuned controllers among names: as shipped, as they are in a file, or (anew) tuned now and written there,
     beside what the file has of others.
@@ -297,7 +284,7 @@ def settings_for(
     if not wanted:
         return {}
     if anew:
-        found = tune(bench, wanted, jobs=jobs, keep=keep, progress=progress)
+        found = tune(bench, wanted, **how)
         if file is not None:
             found = (read_settings(file, bench) or {}) | found
             write_atomic(file, json.dumps(to_dict(found, bench), indent=1) + "\n")

@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 _COMMANDS = 17
 _REACH = 10.0  # of a wanted force over the damper's, for on/off

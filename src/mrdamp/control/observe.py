@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 Observation = NDArray[np.float32]
 
 

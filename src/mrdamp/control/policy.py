@@ -31,8 +31,8 @@ from mrdamp.control.networks import Memory, Network, State, matrix, rows
 from mrdamp.control.observe import Observer
 from mrdamp.errors import InputError, require_positive
 from mrdamp.files import read_json, write_atomic
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 #: A list of numbers as `json.dumps` indents it.
 _ROW = re.compile(r"\[\n([-+.\deE,\s]+)\]")
 

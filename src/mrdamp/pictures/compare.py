@@ -13,12 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrdamp.errors import InputError
 from mrdamp.pictures import style
-
-Array = NDArray[np.float64]
+from mrdamp.pictures.series import Array
 
 
 @dataclass(frozen=True)

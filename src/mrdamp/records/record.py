@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.errors import LARGEST, InputError
 from mrdamp.files import SUFFIXES, decode, files_in, read_bytes, write_atomic
 from mrdamp.records import csv_file, division, motion, sampling
 from mrdamp.records.channels import check_header, is_channel
+from mrdamp.records.sampling import Array
 from mrdamp.shown import Shown
-
-Array = NDArray[np.float64]
 
 #: A measured velocity that is so many times the displacement's rate, or that part of it, has another unit.
 _RATE = 2.0
