@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.identify_json import reported
+from mrdamp.commands.identify_json import reporting
 from mrdamp.commands.output import OutFolder, Picture, check_written
 from mrdamp.commands.record_options import add_json
 from mrdamp.errors import InputError
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from mrdamp.records import Record
 
 
-def add_calibrate(commands: Any) -> None:
+def add_to(commands: Any) -> None:
     """Adds `calibrate`."""
     p = add_command(
         commands,
         "calibrate",
-        run_calibrate,
+        reporting(run_calibrate),
         "the piezoelectric force sensor: sensitivity, phase and leakage, and the force of records from their charge",
         "mrdamp calibrate tests/ --records records/ -o out/sensor",
     )
@@ -51,13 +51,9 @@ def add_calibrate(commands: Any) -> None:
     add_json(p)
 
 
-def run_calibrate(a: argparse.Namespace) -> int:
-    """Prints sensitivity, deviation and phase by test, the sensor's response, and delta_2 per current."""
-    return reported(a.json, lambda: _calibrated(a))
-
-
-def _calibrated(a: argparse.Namespace) -> dict[str, Any]:
-    """What `--json` prints."""
+def run_calibrate(a: argparse.Namespace) -> dict[str, Any]:
+    """Prints sensitivity, deviation and phase by test, the sensor's response, and delta_2 per current; returns what
+    `--json` prints."""
     from mrdamp.identify import calibration
     from mrdamp.records import read_record, read_records
     from mrdamp.records.checks import warnings_of

@@ -5,11 +5,12 @@ Errors: `rmse_N`, and `nrmse` over the standard deviation of the force. A figure
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, redirect_stdout
+from contextlib import nullcontext, redirect_stdout
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -23,23 +24,18 @@ if TYPE_CHECKING:
     from mrdamp.narx.select import Trial
 
 
-def words(as_json: bool) -> AbstractContextManager[Any]:
-    """Where the words go: to stdout, or to stderr where stdout is for JSON."""
-    return redirect_stdout(sys.stderr) if as_json else nullcontext()
+def reporting(report: Callable[[argparse.Namespace], Mapping[str, Any]]) -> Callable[[argparse.Namespace], int]:
+    """A command that makes a report: `--json` prints that without NaN or Infinity, which the standard excludes, and
+    what is said on the way goes to stderr then."""
 
+    def run(a: argparse.Namespace) -> int:
+        with redirect_stdout(sys.stderr) if a.json else nullcontext():
+            found = report(a)
+        if a.json:
+            print(json.dumps(_finite(found), indent=1, allow_nan=False))
+        return 0
 
-def to_text(report: Mapping[str, Any]) -> str:
-    """JSON without NaN or Infinity, which the standard excludes."""
-    return json.dumps(_finite(report), indent=1, allow_nan=False)
-
-
-def reported(as_json: bool, report: Callable[[], Mapping[str, Any]]) -> int:
-    """Makes a command's report, whose words go where `words` says, and prints it if it is wanted as JSON; 0."""
-    with words(as_json):
-        found = report()
-    if as_json:
-        print(to_text(found))
-    return 0
+    return run
 
 
 def of_fit(
