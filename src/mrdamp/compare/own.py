@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import copy
 import inspect
-import json
 import os
 import pickle
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +28,7 @@ from mrdamp.control.observe import Observer
 from mrdamp.control.told import Site, Told, ask, first_line, told
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError, require_period
-from mrdamp.files import decode, read_bytes
+from mrdamp.files import read_bytes, read_json
 from mrdamp.outside import NAMED, named
 
 #: Makes the task of one row that a model was trained in, from arguments of its environment.
@@ -148,10 +147,7 @@ class SavedPolicy:
 
 
 def _mapping(file: str) -> dict[str, Any]:
-    try:
-        found = json.loads(decode(file, read_bytes(Path(file))))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{file}: not JSON: {error}") from None
+    found = read_json(Path(file))
     if not isinstance(found, dict):
         raise InputError(f"{file}: allowed: arguments of the environment by name")
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypedDict, TypeVar, Unpack
+from typing import Any, Protocol, TypedDict, TypeVar, Unpack
 
 from mrdamp.compare.bench import digest
 from mrdamp.errors import InputError
@@ -34,13 +34,12 @@ class Work(Protocol[Task]):  # type: ignore[misc]
         """The result, for JSON."""
 
 
-class Kept(Generic[Task]):
-    """Results by key in a file of JSON lines; None keeps them in memory alone. A damaged or
-    changed line is dropped."""
+class Kept(dict[str, dict[str, Any]]):
+    """Results by key in a file of JSON lines; None keeps them in memory alone. A damaged or changed line is dropped."""
 
     def __init__(self, path: Path | None) -> None:
         self.path = path
-        self._found: dict[str, dict[str, Any]] = {}
+        super().__init__()
         if path is None or not path.exists():
             return
         text = path.read_text(encoding="utf-8", errors="replace")
@@ -51,19 +50,13 @@ class Kept(Generic[Task]):
             try:
                 entry = json.loads(line)
                 if entry["result"] and entry["digest"] == digest([entry["key"], entry["result"]]):
-                    self._found[entry["key"]] = entry["result"]
+                    self[entry["key"]] = entry["result"]
             except (ValueError, KeyError, TypeError):
                 continue
 
-    def __contains__(self, key: str) -> bool:
-        return key in self._found
-
-    def __getitem__(self, key: str) -> dict[str, Any]:
-        return self._found[key]
-
     def add(self, key: str, result: dict[str, Any]) -> None:
         """Keep a result. Raises InputError where the file cannot be written."""
-        self._found[key] = result
+        self[key] = result
         if self.path is not None:
             try:
                 with self.path.open("a", encoding="utf-8") as stream:
@@ -83,7 +76,7 @@ def run_all(
     jobs, progress = how.get("jobs", 1), how.get("progress")
     if jobs == 0:
         raise InputError("compare: 0 jobs; allowed: 1 or more, or -1 for all cores")
-    kept: Kept[Task] = Kept(how.get("keep"))
+    kept = Kept(how.get("keep"))
     keys = [work.key(task) for task in tasks]
     left = {key: task for key, task in zip(keys, tasks, strict=True) if key not in kept}
     done = len(tasks) - len(left)

@@ -54,7 +54,7 @@ def car_outputs(car: QuarterCar, names: Sequence[str]) -> tuple[FloatArray, Floa
         "stroke": np.array([0.0, 1.0, 0.0, 0.0]),
         "stroke_velocity": np.array([0.0, 0.0, -1.0, 1.0]),
     }
-    direct = {"acceleration_1": float(linear.b[2]), "acceleration_2": float(linear.b[3])}
+    direct = {"acceleration_1": linear.b[2], "acceleration_2": linear.b[3]}
     return named_rows(rows, direct, names)
 
 

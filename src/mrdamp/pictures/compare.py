@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike
 
@@ -103,12 +102,11 @@ def _row(ax: Axes, y: float, bar: Bar, least: float = -np.inf) -> None:
 
 def _interval_legend(fig: Figure, mean: str, interval: str, single: str) -> None:
     """Of what `_row` draws."""
-    handles = [
-        Line2D([], [], color=style.COLOURS[0], marker="o", markersize=4.5, linestyle="none"),
-        Line2D([], [], color=style.COLOURS[0], linewidth=3.2, alpha=0.35),
-        Line2D([], [], color=style.MUTED, marker="|", markersize=7, linestyle="none"),
-    ]
-    style.legend(fig, handles, [mean, interval, single])
+    style.line_legend(fig, {
+        mean: {"color": style.COLOURS[0], "marker": "o", "markersize": 4.5, "linestyle": "none"},
+        interval: {"color": style.COLOURS[0], "linewidth": 3.2, "alpha": 0.35},
+        single: {"color": style.MUTED, "marker": "|", "markersize": 7, "linestyle": "none"},
+    })  # fmt: skip
 
 
 def _controllers(what: str, panels: Mapping[str, Sequence[Bar]]) -> list[str]:
@@ -135,8 +133,7 @@ def search_paths(panels: Mapping[str, Mapping[str, Sequence[float]]]) -> Figure:
         ax.set_title(style.elide(title.removeprefix("clairvoyant-"), 100, 9))
         ax.set_xlabel("step")
         style.ticks(ax, 4, 5)
-    handles = [Line2D([], [], **looks[name]) for name in names]
-    style.legend(fig, handles, [style.elide(name, 110, 9) for name in names])
+    style.line_legend(fig, {style.elide(name, 110, 9): look for name, look in looks.items()})
     return fig
 
 
@@ -219,7 +216,7 @@ def by_amplitude(
         ax.set_title(title)
         ax.set_xlabel("amplitude")
         style.ticks(ax, 5, 5)
-    style.legend(fig, [Line2D([], [], **looks[name]) for name in names], names)
+    style.line_legend(fig, looks)
     return fig
 
 

@@ -15,6 +15,7 @@ from matplotlib.patches import Patch
 
 from mrdamp.errors import InputError
 from mrdamp.pictures.series import (
+    BINS,
     Array,
     busiest,
     check_series,
@@ -39,6 +40,7 @@ from mrdamp.pictures.style import (
     elide,
     figure,
     legend,
+    line_legend,
     require_some,
     row_title,
     short,
@@ -49,7 +51,6 @@ from mrdamp.pictures.style import (
 if TYPE_CHECKING:
     from mrdamp.records import Record
 
-BINS = 400  # of a line over time: two points each, about what a screen resolves
 _MOST = 6  # rows of an overview
 
 
@@ -245,9 +246,8 @@ def error_bars(
 
 def _measured_and_simulated(fig: Figure, *others: tuple[str, str]) -> None:
     """Legend: measured, simulated, and other lines by name and colour."""
-    lines = [Line2D([], [], color=INK, linewidth=0.9), Line2D([], [], color=SIMULATED, linewidth=2.0)]
-    lines += [Line2D([], [], color=colour, linewidth=1.2) for _, colour in others]
-    legend(fig, lines, ["measured", "simulated", *(name for name, _ in others)])
+    looks = {"measured": {"color": INK, "linewidth": 0.9}, "simulated": {"color": SIMULATED, "linewidth": 2.0}}
+    line_legend(fig, looks | {name: {"color": colour, "linewidth": 1.2} for name, colour in others})
 
 
 def _extent(values: Array) -> tuple[float, float]:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from mrdamp.errors import InputError
@@ -22,7 +21,7 @@ from mrdamp.pictures.style import (
     column,
     elide,
     figure,
-    legend,
+    line_legend,
     name_rows,
     require_some,
     short,
@@ -70,7 +69,7 @@ def drifts(time: ArrayLike, drift: Mapping[str, ArrayLike], periods: float = 12.
         ticks(ax, 7, 4 if storeys <= 4 else 3)
     fig.supylabel(f"drift, {unit}", fontsize=9.5)
     axes[-1].set_xlabel("time, s")
-    legend(fig, [Line2D([], [], **_look(k, name, colour)) for k, name in enumerate(names)], names)
+    line_legend(fig, {name: _look(k, name, colour) for k, name in enumerate(names)})
     return fig
 
 
@@ -127,14 +126,14 @@ def profile(criteria: Mapping[str, Criteria], ground_peak: float | None = None) 
     fig = figure(1.35 + (0.62 if storeys < 5 else 0.34) * max(storeys, 2))
     [[left, right]] = axes_grid(fig, 1, 2, sharey=True)
     floors = np.arange(storeys + 1)
-    handles = []
+    looks = {}
     for k, (name, c) in enumerate(criteria.items()):
         look = _look(k, name, colour)
         left.stairs(scale * c.peak_drift, floors, baseline=None, orientation="horizontal", **look)
         look |= {"marker": MARKERS[k % len(MARKERS)], "markersize": 4.5}
         ground = [] if ground_peak is None else [ground_peak]
         right.plot(np.append(ground, c.peak_acceleration), floors[1 - len(ground) :], **look)
-        handles.append(Line2D([], [], **look))
+        looks[name] = look
     left.set_ylim(-0.05 * storeys, 1.05 * storeys)
     left.set_yticks(floors, ["ground", *map(str, floors[1:])])
     left.set_ylabel("floor")
@@ -143,7 +142,7 @@ def profile(criteria: Mapping[str, Criteria], ground_peak: float | None = None) 
     for ax in (left, right):
         ax.set_xlim(left=0)
         ticks(ax, 5)
-    legend(fig, handles, names)
+    line_legend(fig, looks)
     return fig
 
 

@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
 from matplotlib.textpath import TextToPath
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
@@ -134,6 +135,11 @@ def legend(fig: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> Non
         handles, short, loc="outside upper center", ncols=columns,
         handlelength=1.8, handletextpad=0.5, columnspacing=1.4, borderpad=0.35, labelspacing=0.3,
     )  # fmt: skip
+
+
+def line_legend(fig: Figure, looks: Mapping[str, Mapping[str, Any]]) -> None:
+    """`legend` of lines by name; looks: as arguments of matplotlib's `Line2D`."""
+    legend(fig, [Line2D([], [], **look) for look in looks.values()], list(looks))
 
 
 def column(fig: Figure, rows: int, **how: Any) -> list[Axes]:

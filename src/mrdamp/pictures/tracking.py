@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from mrdamp.pictures.series import force_unit, padded, staircase, thinned
 from mrdamp.pictures.style import (
@@ -16,7 +15,7 @@ from mrdamp.pictures.style import (
     MUTED,
     column,
     figure,
-    legend,
+    line_legend,
     require_some,
     row_title,
     styled,
@@ -61,6 +60,6 @@ def force_tracking(tracks: Sequence[Track], command_unit: str = "A", seconds: fl
     axes[-1].set_xlim(float(first.time[start]), float(first.time[start + count - 1]))
     axes[-1].set_xlabel("time, s; below each force the command")
     fig.align_ylabels(axes)
-    handles = [Line2D([], [], color=INK, linewidth=0.9), Line2D([], [], color=MUTED, linewidth=1.5)]
-    legend(fig, handles, ["wanted", "true force, in colour"])
+    true = {"color": MUTED, "linewidth": 1.5}
+    line_legend(fig, {"wanted": {"color": INK, "linewidth": 0.9}, "true force, in colour": true})
     return fig
