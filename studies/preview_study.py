@@ -17,7 +17,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -32,7 +32,7 @@ from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.frame_bound import PERIOD, Scales, frame_rollouts
 from mrdamp.compare.motions import read_motions
-from mrdamp.compare.runner import Progress, run_all
+from mrdamp.compare.runner import How, run_all
 from mrdamp.compare.summary import Summary
 from mrdamp.control.passive import Replay
 from mrdamp.errors import InputError
@@ -92,40 +92,34 @@ def study(a: argparse.Namespace) -> Comparison:
 
 @dataclass(frozen=True)
 class Known:
-    """A motion of which `seconds` ahead are known, in the frame's own time."""
+    """A run with plans on a bench, under a motion of which `seconds` ahead are known, in the frame's own time."""
 
+    bench: FrameBench
     load: GroundMotion
     amplitude: float
     seconds: float
 
-
-@dataclass(frozen=True)
-class Plans:
-    """Runs with plans on a bench, for `run_all`."""
-
-    bench: FrameBench
-
-    def key(self, task: Known) -> str:
-        own = self.bench.key("passive-on", task.load, task.amplitude)
+    def key(self) -> str:
+        own = self.bench.key("passive-on", self.load, self.amplitude)
         return hashlib.sha256(
-            json.dumps([_VERSION, asdict(receding(task.seconds)), own]).encode()
+            json.dumps([_VERSION, asdict(receding(self.seconds)), own]).encode()
         ).hexdigest()[:32]
 
-    def run(self, task: Known) -> dict[str, Any]:
+    def run(self) -> dict[str, Any]:
         """Every measure of the commands in the bench's engine."""
-        bench, load, amplitude = self.bench, task.load, task.amplitude
+        bench, load, amplitude = self.bench, self.load, self.amplitude
         free = bench.history(UNCONTROLLED, load, amplitude)
         played, period = bench.played(load, amplitude), min(bench.period, PERIOD)
         rollouts, scales = frame_rollouts(bench, played, period), Scales(free)
         runs = [bench.history(spec, load, amplitude) for spec in _STARTS]
         rollouts.periods = min(rollouts.periods, 1 + max(scales.last(run, period) for run in runs))
-        found = receding(task.seconds).commands(
+        found = receding(self.seconds).commands(
             rollouts, scales.objective(bench.bounds["clairvoyant"]), period
         )
         whole = np.zeros(int(np.floor(played.duration / period + 1e-9)) + 1)
         whole[: len(found)] = found[: len(whole)]
-        replay = bench.driven(Replay(whole, period, row_name(task.seconds)), load, amplitude)
-        values = bench.values(bench.kept(row_name(task.seconds), replay), bench.kept(UNCONTROLLED, free))
+        replay = bench.driven(Replay(whole, period, row_name(self.seconds)), load, amplitude)
+        values = bench.values(bench.kept(row_name(self.seconds), replay), bench.kept(UNCONTROLLED, free))
         return {"values": dict(values)}
 
 
@@ -146,20 +140,15 @@ def with_previews(
     result: Comparison,
     loads: Sequence[GroundMotion],
     seconds: Sequence[float],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> Comparison:
-    """A comparison with a row for each time that the motion is known ahead. jobs, keep: see `run_all`."""
+    """A comparison with a row for each time that the motion is known ahead."""
     cases = list(itertools.product(loads, result.amplitudes))
     shape = 1, len(loads), len(result.amplitudes)
     values = dict(result.values)
     for known in seconds:
-        tasks = [Known(load, amplitude, known) for load, amplitude in cases]
-        found = run_all(
-            Plans(bench), tasks, jobs=jobs, keep=keep, progress=progress, what=f"{known:g} s known"
-        )
+        tasks = [Known(bench, load, amplitude, known) for load, amplitude in cases]
+        found = run_all(tasks, f"{known:g} s known", **how)
         values[row_name(known)] = {
             m.key: np.array([f["values"][m.key] for f in found]).reshape(shape) for m in bench.measures
         }

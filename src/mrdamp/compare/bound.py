@@ -36,29 +36,23 @@ _SEARCHES: Mapping[str, Callable[..., dict[str, Any]]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """One load at one amplitude. starts: bound -> specs of controllers, the best first."""
+    """The searches on a bench for one load at one amplitude. starts: bound -> specs of controllers, the best first."""
 
+    bench: Bench
     load: Load
     amplitude: float
     starts: Mapping[str, tuple[str, ...]]
 
-
-@dataclass(frozen=True)
-class Cases:
-    """Searches on a bench, for `run_all`."""
-
-    bench: Bench
-
-    def key(self, task: Case) -> str:
+    def key(self) -> str:
         specs = {
-            name: [self.bench.key(s, task.load, task.amplitude) for s in some]
-            for name, some in task.starts.items()
+            name: [self.bench.key(spec, self.load, self.amplitude) for spec in some]
+            for name, some in self.starts.items()
         }
         effort = {**vars(clairvoyant.Effort()), **vars(Beam())}
         return hashlib.sha256(json.dumps([_VERSION, effort, specs]).encode()).hexdigest()[:32]
 
-    def run(self, task: Case) -> dict[str, Any]:
-        return _SEARCHES[self.bench.environment](self.bench, task.starts, task.load, task.amplitude)
+    def run(self) -> dict[str, Any]:
+        return _SEARCHES[self.bench.environment](self.bench, self.starts, self.load, self.amplitude)
 
 
 def with_bounds(
@@ -85,8 +79,8 @@ def with_bounds(
     cases = []
     for (i, load), (j, amplitude) in itertools.product(enumerate(loads), enumerate(result.amplitudes)):
         best = {name: _best(result, weights, i, j)[:starts] for name, weights in bench.bounds.items()}
-        cases.append(Case(load, amplitude, best))
-    found = run_all(Cases(bench), cases, "bound", **how)
+        cases.append(Case(bench, load, amplitude, best))
+    found = run_all(cases, "bound", **how)
     shape = 1, len(loads), len(result.amplitudes)
     values = {
         name: {

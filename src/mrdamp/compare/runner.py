@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from operator import methodcaller
 from pathlib import Path
-from typing import Any, Protocol, TypedDict, TypeVar, Unpack
+from typing import Any, Protocol, TypedDict, Unpack
 
 from mrdamp.compare.bench import digest
 from mrdamp.errors import InputError
 from mrdamp.parallel import mapped
 
 Progress = Callable[[str, float], None]
-Task = TypeVar("Task")
 
 
 class How(TypedDict, total=False):
@@ -24,13 +24,13 @@ class How(TypedDict, total=False):
     progress: Progress | None
 
 
-class Work(Protocol[Task]):  # type: ignore[misc]
+class Task(Protocol):
     """What is run: pure, so that any number of processes gives the same."""
 
-    def key(self, task: Task) -> str:
+    def key(self) -> str:
         """Hash of all inputs of the result."""
 
-    def run(self, task: Task) -> dict[str, Any]:
+    def run(self) -> dict[str, Any]:
         """The result, for JSON."""
 
 
@@ -66,23 +66,18 @@ class Kept(dict[str, dict[str, Any]]):
                 raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
 
 
-def run_all(
-    work: Work[Task],
-    tasks: Sequence[Task],
-    what: str = "runs",
-    **how: Unpack[How],
-) -> list[dict[str, Any]]:
+def run_all(tasks: Sequence[Task], what: str = "runs", **how: Unpack[How]) -> list[dict[str, Any]]:
     """The result of every task, in their order; those that `keep` holds are not run again. Raises InputError."""
     jobs, progress = how.get("jobs", 1), how.get("progress")
     if jobs == 0:
         raise InputError("compare: 0 jobs; allowed: 1 or more, or -1 for all cores")
     kept = Kept(how.get("keep"))
-    keys = [work.key(task) for task in tasks]
+    keys = [task.key() for task in tasks]
     left = {key: task for key, task in zip(keys, tasks, strict=True) if key not in kept}
     done = len(tasks) - len(left)
     if progress:
         progress(f"{what}: {done} of {len(tasks)} kept", done / max(len(tasks), 1))
-    results = mapped(work.run, [(task,) for task in left.values()], jobs)
+    results = mapped(methodcaller("run"), [(task,) for task in left.values()], jobs)
     for key, result in zip(left, results, strict=True):
         kept.add(key, result)
         done += 1

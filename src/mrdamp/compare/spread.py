@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple, Unpack
 
 import numpy as np
@@ -29,29 +29,22 @@ def scaled(model: Model, part: str, factor: float) -> Model:
 
 
 class _Case(NamedTuple):
-    """A controller, all of its seeds, on one of several structures."""
+    """A controller, all of its seeds, on rows of one of several structures."""
 
-    structure: str
+    bench: FrameBench
     row: Contender
-
-
-@dataclass(frozen=True)
-class _Structures:
-    """Runs on rows of several structures, for `run_all`."""
-
-    benches: Mapping[str, FrameBench]
     loads: tuple[GroundMotion, ...]
     amplitudes: tuple[float, ...]
 
-    def key(self, task: _Case) -> str:
-        cases = itertools.product(task.row.specs, self.loads, self.amplitudes)
-        return digest(["rows", *(self.benches[task.structure].key(*case) for case in cases)])
+    def key(self) -> str:
+        cases = itertools.product(self.row.specs, self.loads, self.amplitudes)
+        return digest(["rows", *(self.bench.key(*case) for case in cases)])
 
-    def run(self, task: _Case) -> dict[str, Any]:
-        bench = self.benches[task.structure]
-        loads = [bench.played(load, a) for load in self.loads for a in self.amplitudes]
-        loops = Loops(bench, loads, len(task.row.specs))
-        found = loops.run([bench.controller(spec) for spec in task.row.specs])
+    def run(self) -> dict[str, Any]:
+        loads = [self.bench.played(load, a) for load in self.loads for a in self.amplitudes]
+        found = Loops(self.bench, loads, len(self.row.specs)).run(
+            [self.bench.controller(spec) for spec in self.row.specs]
+        )
         return {key: values.tolist() for key, values in found.items()}
 
 
@@ -64,9 +57,8 @@ def on_rows(
 ) -> dict[str, Comparison]:
     """Comparisons on several benches, whose measures are those that make the objective."""
     shape = len(loads), len(amplitudes)
-    work = _Structures(benches, tuple(loads), tuple(amplitudes))
-    tasks = [_Case(name, row) for name in benches for row in rows]
-    results = iter(run_all(work, tasks, "structures", **how))
+    tasks = [_Case(bench, row, tuple(loads), tuple(amplitudes)) for bench in benches.values() for row in rows]
+    results = iter(run_all(tasks, "structures", **how))
     found = {}
     for name, bench in benches.items():
         values = {

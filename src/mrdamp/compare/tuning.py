@@ -34,25 +34,19 @@ _SEED = 47
 class Run(NamedTuple):
     """One run of a bench."""
 
+    bench: Bench
     spec: str
     load: Load
     amplitude: float
 
+    def key(self) -> str:
+        return self.bench.key(self.spec, self.load, self.amplitude)
 
-@dataclass(frozen=True)
-class Runs:
-    """Runs of one bench, for `run_all`."""
-
-    bench: Bench
-
-    def key(self, task: Run) -> str:
-        return self.bench.key(task.spec, task.load, task.amplitude)
-
-    def run(self, task: Run) -> dict[str, Any]:
+    def run(self) -> dict[str, Any]:
         try:
-            return self.bench.run(task.spec, task.load, task.amplitude)
+            return self.bench.run(self.spec, self.load, self.amplitude)
         except Diverged as error:
-            what = f"controller {task.spec} under {task.load.name} at amplitude {task.amplitude:g}"
+            what = f"controller {self.spec} under {self.load.name} at amplitude {self.amplitude:g}"
             raise InputError(f"{what}: {error}") from None
 
 
@@ -76,8 +70,8 @@ def run_grid(
 ) -> dict[str, list[Mapping[str, float]]]:
     """Every measure of every spec on every case of load and amplitude."""
     rows = list(dict.fromkeys([UNCONTROLLED, *specs]))
-    tasks = [Run(spec, load, amplitude) for spec in rows for load, amplitude in cases]
-    found = run_all(Runs(bench), tasks, what, **how)
+    tasks = [Run(bench, spec, load, amplitude) for spec in rows for load, amplitude in cases]
+    found = run_all(tasks, what, **how)
     parts = [found[k : k + len(cases)] for k in range(0, len(found), len(cases))]
     return {
         spec: [bench.values(kept, without) for kept, without in zip(part, parts[0], strict=True)]
@@ -216,23 +210,24 @@ class _Spent(Exception):
     """The budget is used up."""
 
 
-@dataclass(frozen=True)
-class _Searches:
-    """Searches on a bench, by kind, for `run_all`."""
+class _Tuning(NamedTuple):
+    """The search for the settings of a kind on a bench."""
 
     bench: Bench
+    kind: str
 
-    def key(self, kind: str) -> str:
-        return digest(["tuning", self.bench.identity(), kind, dict(self.bench.ranges(kind)), self.bench.effort(kind)])
+    def key(self) -> str:
+        bench, kind = self
+        return digest(["tuning", bench.identity(), kind, dict(bench.ranges(kind)), bench.effort(kind)])
 
-    def run(self, kind: str) -> dict[str, Any]:
-        return vars(Search(self.bench, kind).run())
+    def run(self) -> dict[str, Any]:
+        return vars(Search(self.bench, self.kind).run())
 
 
 def tune(bench: Bench, names: Sequence[str] | None = None, **how: Unpack[How]) -> dict[str, Setting]:
     """The best setting of each named controller, of all that are tuned by default."""
     kinds = {name: bench.tuned[name] for name in (bench.tuned if names is None else names)}
-    found = run_all(_Searches(bench), list(kinds.values()), "tuning", **how)
+    found = run_all([_Tuning(bench, kind) for kind in kinds.values()], "tuning", **how)
     return {name: Setting(**setting) for name, setting in zip(kinds, found, strict=True)}
 
 
