@@ -31,7 +31,7 @@ from mrdamp.commands import compare as comparing
 from mrdamp.commands import identify as identification
 from mrdamp.commands import train as training
 from mrdamp.commands.output import OutFile, OutFolder, progress_bar
-from mrdamp.errors import EngineError, InputError
+from mrdamp.errors import EngineError, InputError, first_line
 from mrdamp.interrupts import unguard
 from mrdamp.outside import NAMED
 
@@ -236,7 +236,7 @@ def _launch(path: Path) -> int:
     try:
         mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
-        raise InputError(f"{path}: {str(error).splitlines()[0]}") from None
+        raise InputError(f"{path}: {first_line(error)}") from None
     if not _has_display():
         raise InputError(
             "the viewer needs a display, and DISPLAY is not set; mujoco.Renderer draws without one"
@@ -246,7 +246,7 @@ def _launch(path: Path) -> int:
     try:
         mujoco.viewer.launch_from_path(str(path))
     except (mujoco.FatalError, RuntimeError) as error:
-        raise InputError(f"the viewer needs a display: {str(error).splitlines()[0]}") from None
+        raise InputError(f"the viewer needs a display: {first_line(error)}") from None
     return 0
 
 

@@ -41,6 +41,11 @@ class EngineError(MrdampError, ImportError):
     """The installed MuJoCo is not the release of the plugin; the line states how to install that one."""
 
 
+def first_line(error: BaseException) -> str:
+    """Of its message."""
+    return (str(error).splitlines() or [""])[0]
+
+
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """The end of a message on an unknown name: the allowed one that is most like it, if one is."""
     found = difflib.get_close_matches(name, list(allowed), n=1)

@@ -256,9 +256,12 @@ class Bench(ABC):
         return registry.largest_command(self.structure.models[0])
 
     def check(self, spec: str) -> None:
-        """Raises InputError for an unknown controller."""
+        """Asks a controller once for a command, at rest, so that what is wrong with it is found before a run. Raises
+        InputError."""
         registry.parse(spec, self.site.options)
-        own.at_rest(self.controller(spec), self.measured)
+        controller = self.controller(spec)
+        controller.reset()
+        controller.command(0.0, dict.fromkeys(self.measured, 0.0))
 
     def controller(self, spec: str) -> Controller:
         """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""

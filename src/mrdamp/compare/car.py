@@ -145,7 +145,8 @@ class CarBench(PlantBench):
         return 7, 3_000_000 if quick else 1_000_000
 
     def unseen_loads(self) -> tuple[Road, ...]:
-        return (*_roads(_UNSEEN), bump(0.08, 1.0, 6.0), bump(0.05, 4.0, 20.0))
+        drawn = (iso8608(road_class, speed, _DURATION, seed) for road_class, speed, seed in _UNSEEN)
+        return (*drawn, bump(0.08, 1.0, 6.0), bump(0.05, 4.0, 20.0))
 
     def read(self, files: Sequence[Path], speed: float) -> list[Road]:
         roads = [read_road(file, speed) for file in files]
@@ -167,7 +168,3 @@ class CarBench(PlantBench):
 
 def _solver() -> bool:
     return importlib.util.find_spec("osqp") is not None
-
-
-def _roads(drawn: Sequence[tuple[str, float, int]]) -> tuple[Road, ...]:
-    return tuple(iso8608(road_class, speed, _DURATION, seed) for road_class, speed, seed in drawn)

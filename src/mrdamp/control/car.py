@@ -25,7 +25,7 @@ import numpy as np
 from mrdamp.control import registry
 from mrdamp.control.car_mpc import MpcForce
 from mrdamp.control.clipped_optimal import Lqg
-from mrdamp.control.force_control import Aim, ForceController, Tracking
+from mrdamp.control.force_control import Aim, ForceController, Several, Tracking
 from mrdamp.control.plant import Linear, Plant, named_rows
 from mrdamp.control.skyhook import SkyhookForce
 from mrdamp.errors import InputError, require_positive
@@ -78,22 +78,18 @@ def car_linear(car: QuarterCar, period: float) -> Linear:
     return Linear(car_plant(car), rows, tuple(MEASURED), regulated(car, 0.3, 0.03), car.bounce, deviation=deviation)
 
 
-class Velocities:
+class Velocities(Several):
     """Base of what acts on the absolute velocities of wheel and body, from their accelerometers by v' = a - v / leak.
 
     leak, period: s.
     """
 
     def __init__(self, leak: float, period: float) -> None:
-        self._floors = tuple(SkyhookForce(floor, 1.0, 1.0, leak, period) for floor in (1, 2))
-
-    def reset(self) -> None:
-        for floor in self._floors:
-            floor.reset()
+        super().__init__([SkyhookForce(floor, 1.0, 1.0, leak, period) for floor in (1, 2)])
 
     def velocities(self, t: float, y: Mapping[str, float]) -> tuple[float, float]:
         """Of wheel and body, m/s."""
-        wheel, body = (floor(t, y) for floor in self._floors)
+        wheel, body = (floor(t, y) for floor in self.parts)
         return wheel, body
 
 

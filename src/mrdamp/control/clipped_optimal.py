@@ -87,6 +87,7 @@ def clipped_optimal(
     structure: ShearFrame | Linear,
     command_max: float,
     period: float = 1e-3,
+    name: str = "clipped-optimal",
     **lqg: Unpack[Lqg],
 ) -> ForceController:
     """A clipped-optimal controller for a structure; on a frame the defaults are Dyke's.
@@ -95,7 +96,7 @@ def clipped_optimal(
     """
     require_positive("clipped_optimal", command_max=command_max)
     follower = for_each(lambda: OnOff(command_max), linear(structure).dampers)
-    return ForceController(optimal_force(structure, period, **lqg), follower, period, "clipped-optimal")
+    return ForceController(optimal_force(structure, period, **lqg), follower, period, name)
 
 
 def modulated_optimal(

@@ -68,18 +68,29 @@ def clip(wanted: float, force: float, command_max: float) -> float:
     return command_max * ((wanted - force) * force > 0)
 
 
-class Each:
-    """A follower for each of several dampers, whose wanted forces come together (m,)."""
+class Several:
+    """Parts that forget the past together."""
 
-    def __init__(self, followers: Sequence[Follower]) -> None:
-        self.followers = tuple(followers)
+    def __init__(self, parts: Sequence[Any]) -> None:
+        self.parts = tuple(parts)
 
     def reset(self) -> None:
-        for follower in self.followers:
-            follower.reset()
+        for part in self.parts:
+            part.reset()
+
+
+class Aims(Several):
+    """An aim for each of several dampers: their wanted forces (m,)."""
+
+    def __call__(self, t: float, y: Mapping[str, float]) -> Any:
+        return np.array([aim(t, y) for aim in self.parts])
+
+
+class Each(Several):
+    """A follower for each of several dampers, whose wanted forces come together (m,)."""
 
     def __call__(self, wanted: Any, t: float, y: Mapping[str, float]) -> Any:
-        return np.array([f(wanted[k], t, of_damper(y, k)) for k, f in enumerate(self.followers)])
+        return np.array([f(wanted[k], t, of_damper(y, k)) for k, f in enumerate(self.parts)])
 
 
 def for_each(make: Callable[[], Follower], dampers: int) -> Follower:
