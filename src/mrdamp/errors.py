@@ -52,6 +52,13 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
     return f"; nearest: {found[0]}" if found else ""
 
 
+def refuse(what: str, *faults: tuple[object, str]) -> None:
+    """InputError of the first fault that there is: whether, and what is wrong and allowed. what: whose they are."""
+    for there, said in faults:
+        if there:
+            raise InputError(f"{what}: {said}")
+
+
 def require_positive(what: str, **values: float) -> None:
     """InputError unless every value is above 0, up to `LARGEST`. what: whose values they are, for the message."""
     for name, value in values.items():

@@ -59,29 +59,13 @@ def digest(of: Sequence[Any]) -> str:
 #: What ratios are over on a structure with a damper more or less.
 WITHOUT = "the structure without a damper"
 
-#: Controllers compared by default on a frame or a cable.
-DEFAULT = (
-    "passive-off",
-    "passive-on",
-    "best-constant",
-    "clipped-optimal",
-    "clipped-optimal-tuned",
-    "modulated-optimal-tuned",
-    "force-tracking-tuned",
-    "lyapunov-tuned",
-    "max-dissipation-tuned",
-    "skyhook-tuned",
-)
-#: The tuned ones of them: name -> registered controller.
-TUNED = {
-    "best-constant": "constant",
-    "clipped-optimal-tuned": "clipped-optimal",
-    "modulated-optimal-tuned": "modulated-optimal",
-    "force-tracking-tuned": "force-tracking",
-    "lyapunov-tuned": "lyapunov",
-    "max-dissipation-tuned": "max-dissipation",
-    "skyhook-tuned": "skyhook",
+#: Controllers that are tuned on a frame or a cable: name -> registered controller.
+TUNED = {"best-constant": "constant"} | {
+    f"{kind}-tuned": kind
+    for kind in ("clipped-optimal", "modulated-optimal", "force-tracking", "lyapunov", "max-dissipation", "skyhook")
 }
+#: Those compared by default.
+DEFAULT = ("passive-off", "passive-on", "best-constant", "clipped-optimal", *list(TUNED)[1:])
 
 
 def score(bench: Bench, values: Mapping[str, float]) -> float:
