@@ -45,12 +45,8 @@ def of_fit(
     compared: Mapping[str, Fit] | None = None,
 ) -> dict[str, Any]:
     """Of a law's fit. compared: fits by dependence on the command, where they were compared."""
-    out: dict[str, Any] = {
-        "law": fit.model.law,
-        "attributes": dict(fit.model.attributes),
+    out = _law(fit) | {
         "effects_left_out": list(fit.left_out),
-        "fitted": _errors(fit.train, fit.train_nrmse),
-        "held_out": _errors(fit.held_out, fit.held_out_nrmse),
         "left_in_records": [
             {
                 "record": c.record,
@@ -84,17 +80,12 @@ def of_by_command(found: ByCommand) -> dict[str, Any]:
     """Of values at each constant command with lines through them."""
     from mrdamp.identify import pooled
 
-    fit = found.fit
-    return {
-        "law": fit.model.law,
-        "attributes": dict(fit.model.attributes),
+    return _law(found.fit) | {
         "by_command": [
             {"command": u, "attributes": dict(model.attributes), **_errors(errors, pooled(errors))}
             for u, model, errors in found.at
         ],
         "lines": [line._asdict() for line in found.lines],
-        "fitted": _errors(fit.train, fit.train_nrmse),
-        "held_out": _errors(fit.held_out, fit.held_out_nrmse),
     }
 
 
@@ -158,6 +149,15 @@ def of_table(table: Table1) -> dict[str, Any]:
             }
             for row in table.rows
         ],
+    }
+
+
+def _law(fit: Fit) -> dict[str, Any]:
+    return {
+        "law": fit.model.law,
+        "attributes": dict(fit.model.attributes),
+        "fitted": _errors(fit.train, fit.train_nrmse),
+        "held_out": _errors(fit.held_out, fit.held_out_nrmse),
     }
 
 
