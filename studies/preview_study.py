@@ -17,7 +17,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -32,10 +32,9 @@ from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.frame_bound import PERIOD, Scales, frame_rollouts
 from mrdamp.compare.motions import read_motions
-from mrdamp.compare.runner import Progress, run_all
-from mrdamp.compare.shares import share
+from mrdamp.compare.runner import How, run_all
 from mrdamp.compare.summary import Summary
-from mrdamp.control.replay import Replay
+from mrdamp.control.passive import Replay
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.motions import GroundMotion
@@ -93,40 +92,34 @@ def study(a: argparse.Namespace) -> Comparison:
 
 @dataclass(frozen=True)
 class Known:
-    """A motion of which `seconds` ahead are known, in the frame's own time."""
+    """A run with plans on a bench, under a motion of which `seconds` ahead are known, in the frame's own time."""
 
+    bench: FrameBench
     load: GroundMotion
     amplitude: float
     seconds: float
 
-
-@dataclass(frozen=True)
-class Plans:
-    """Runs with plans on a bench, for `run_all`."""
-
-    bench: FrameBench
-
-    def key(self, task: Known) -> str:
-        own = self.bench.key("passive-on", task.load, task.amplitude)
+    def key(self) -> str:
+        own = self.bench.key("passive-on", self.load, self.amplitude)
         return hashlib.sha256(
-            json.dumps([_VERSION, asdict(receding(task.seconds)), own]).encode()
+            json.dumps([_VERSION, asdict(receding(self.seconds)), own]).encode()
         ).hexdigest()[:32]
 
-    def run(self, task: Known) -> dict[str, Any]:
+    def run(self) -> dict[str, Any]:
         """Every measure of the commands in the bench's engine."""
-        bench, load, amplitude = self.bench, task.load, task.amplitude
+        bench, load, amplitude = self.bench, self.load, self.amplitude
         free = bench.history(UNCONTROLLED, load, amplitude)
         played, period = bench.played(load, amplitude), min(bench.period, PERIOD)
         rollouts, scales = frame_rollouts(bench, played, period), Scales(free)
         runs = [bench.history(spec, load, amplitude) for spec in _STARTS]
         rollouts.periods = min(rollouts.periods, 1 + max(scales.last(run, period) for run in runs))
-        found = receding(task.seconds).commands(
+        found = receding(self.seconds).commands(
             rollouts, scales.objective(bench.bounds["clairvoyant"]), period
         )
         whole = np.zeros(int(np.floor(played.duration / period + 1e-9)) + 1)
         whole[: len(found)] = found[: len(whole)]
-        replay = bench.driven(Replay(whole, period, row_name(task.seconds)), load, amplitude)
-        values = bench.values(bench.kept(row_name(task.seconds), replay), bench.kept(UNCONTROLLED, free))
+        replay = bench.driven(Replay(whole, period, row_name(self.seconds)), load, amplitude)
+        values = bench.values(bench.kept(row_name(self.seconds), replay), bench.kept(UNCONTROLLED, free))
         return {"values": dict(values)}
 
 
@@ -147,20 +140,15 @@ def with_previews(
     result: Comparison,
     loads: Sequence[GroundMotion],
     seconds: Sequence[float],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> Comparison:
-    """A comparison with a row for each time that the motion is known ahead. jobs, keep: see `run_all`."""
+    """A comparison with a row for each time that the motion is known ahead."""
     cases = list(itertools.product(loads, result.amplitudes))
     shape = 1, len(loads), len(result.amplitudes)
     values = dict(result.values)
     for known in seconds:
-        tasks = [Known(load, amplitude, known) for load, amplitude in cases]
-        found = run_all(
-            Plans(bench), tasks, jobs=jobs, keep=keep, progress=progress, what=f"{known:g} s known"
-        )
+        tasks = [Known(bench, load, amplitude, known) for load, amplitude in cases]
+        found = run_all(tasks, f"{known:g} s known", **how)
         values[row_name(known)] = {
             m.key: np.array([f["values"][m.key] for f in found]).reshape(shape) for m in bench.measures
         }
@@ -178,7 +166,7 @@ def table(result: Comparison, seconds: Sequence[float]) -> str:
     rows |= {c.name: c.name for c in result.contenders if c.name not in rows.values()}
     for head, name in rows.items():
         means = (f"{result.values[name][key].mean():.3f}" for key in ("J1", "J2", "mean_command"))
-        ways = (_text(share(result, name, bound)) for bound in TITLES)
+        ways = (_text(result.share(name, bound)) for bound in TITLES)
         lines.append(f"| {head} | {' | '.join((*means, *ways))} |")
     return "\n".join(lines)
 
@@ -199,7 +187,7 @@ def figure(result: Comparison, seconds: Sequence[float]) -> Figure:
     drawn = [name for name in _DRAWN if name in result.values]
     looks: Mapping[str, str] = dict(zip(drawn, (style.COLOURS[3], style.SIMULATED, style.COLOURS[2]), strict=False))
     for ax, (bound, title) in zip(axes, TITLES.items(), strict=True):
-        ways = [share(result, row_name(s), bound) for s in seconds]
+        ways = [result.share(row_name(s), bound) for s in seconds]
         low, high = ([max(getattr(w, key), -1.0) for w in ways] for key in ("low", "high"))
         ax.fill_between(place, low, high, color=style.COLOURS[0], alpha=0.2, linewidth=0)
         ax.plot(
@@ -211,7 +199,7 @@ def figure(result: Comparison, seconds: Sequence[float]) -> Figure:
             label="plans",
         )
         for name, colour in looks.items():
-            ax.axhline(share(result, name, bound).mean, color=colour, linestyle=style.DASHES[1], label=name)
+            ax.axhline(result.share(name, bound).mean, color=colour, linestyle=style.DASHES[1], label=name)
         ax.axhline(0.0, color=style.MUTED, linewidth=0.7)
         ax.axhline(1.0, color=style.MUTED, linewidth=0.7, linestyle=style.DASHES[2])
         ax.set_xticks(place, [f"{1e3 * s:g}" for s in seconds], rotation=60)

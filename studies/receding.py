@@ -14,8 +14,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mrdamp.compare.clairvoyant import Array, Effort, Peaks, search
+from mrdamp.compare.clairvoyant import Effort, Peaks, search
 from mrdamp.compare.rollouts import Rollouts
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import RowMoment
 
 

@@ -16,7 +16,7 @@ import pytest
 import mrdamp
 from command_call import caller
 from mrdamp.commands.compare import add_to as add_compare
-from mrdamp.commands.identify import add_identify
+from mrdamp.commands.identify import add_to as add_identify
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare
 from mrdamp.compare.contenders import contenders, shipped_policies

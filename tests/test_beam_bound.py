@@ -23,7 +23,6 @@ from mrdamp.compare.cable_bound import cable_bound
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.car_bound import ToCome as CarToCome
 from mrdamp.compare.car_bound import car_bound, weighted_car
-from mrdamp.compare.shares import share
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_rows import CableChain
 from mrdamp.envs.cable_task import Cable
@@ -227,8 +226,8 @@ def test_a_bound_is_not_worse_than_any_controller_in_any_case_and_the_engine_agr
         assert (found <= best).all()
         assert found.mean() < 0.995 * best.mean()
         assert all(found.mean() <= rated(plant, other, bound).mean() for other in plant.bench.bounds)
-        assert share(plant.bounded(), plant.base, bound).mean == 0
-        assert share(plant.bounded(), bound, bound).mean == 1
+        assert plant.bounded().share(plant.base, bound).mean == 0
+        assert plant.bounded().share(bound, bound).mean == 1
         for i, load in enumerate(plant.loads):
             (path,) = plant.bounded().paths[load.name, 1.0][bound]
             assert (np.diff(path["values"]) <= 0).all()

@@ -20,12 +20,11 @@ from mrdamp.compare.bench import UNCONTROLLED, Measure
 from mrdamp.compare.bound import with_bounds
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.clairvoyant import Effort, Peaks, search
+from mrdamp.compare.frame import run_rows
 from mrdamp.compare.frame_bound import frame_bound
-from mrdamp.compare.on_rows import run_rows
 from mrdamp.compare.rollouts import Rollouts, sensitivity
-from mrdamp.compare.shares import by_load, share
 from mrdamp.compare.summary import ratio
-from mrdamp.control.replay import Replay
+from mrdamp.control.passive import Replay
 from mrdamp.envs.chain_rows import FrameChain
 from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError
@@ -144,10 +143,10 @@ def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Compariso
 @pytest.mark.slow
 def test_shares_are_none_for_passive_on_and_whole_for_the_bound(bounded: Comparison) -> None:
     for bound in BENCH.bounds:
-        assert share(bounded, "c0", bound).mean == 0
-        assert share(bounded, bound, bound).mean == 1
-        assert by_load(bounded, bound, bound) == pytest.approx([1.0, 1.0])
-        assert share(bounded, "c1", bound).mean < 1
+        assert bounded.share("c0", bound).mean == 0
+        assert bounded.share(bound, bound).mean == 1
+        assert bounded.load_shares(bound, bound) == pytest.approx([1.0, 1.0])
+        assert bounded.share("c1", bound).mean < 1
 
 
 def made(on: Any, other: Any, bound: Any) -> Comparison:
@@ -164,18 +163,18 @@ def made(on: Any, other: Any, bound: Any) -> Comparison:
 
 def test_a_share_counts_what_is_gained() -> None:
     result = made([0.6, 0.4], [0.5, 0.4], [0.4, 0.2])
-    s = share(result, "other", "best")
+    s = result.share("other", "best")
     assert s.mean == pytest.approx(0.25)
-    assert by_load(result, "other", "best") == pytest.approx([0.5, 0.0])
+    assert result.load_shares("other", "best") == pytest.approx([0.5, 0.0])
     assert s.worst == pytest.approx(0.0)
     assert s.low <= 0.25 <= s.high
     assert s.low == pytest.approx(0.0)  # both draws of the second load
     assert s.high == pytest.approx(0.5)
     worse = made([0.6, 0.4], [0.7, 0.5], [0.4, 0.2])
-    assert share(worse, "other", "best").mean == pytest.approx(-0.5)
+    assert worse.share("other", "best").mean == pytest.approx(-0.5)
     nothing_left = made([0.6, 0.4], [0.5, 0.4], [0.6, 0.2])
-    assert math.isnan(by_load(nothing_left, "other", "best")[0])
-    assert math.isnan(share(made([0.6], [0.5], [0.6]), "other", "best").mean)
+    assert math.isnan(nothing_left.load_shares("other", "best")[0])
+    assert math.isnan(made([0.6], [0.5], [0.6]).share("other", "best").mean)
 
 
 def test_an_interval_of_a_ratio_is_that_of_the_delta_method() -> None:

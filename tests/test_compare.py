@@ -9,7 +9,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -53,38 +53,41 @@ MOTIONS = tuple(kanai_tajimi(seed, duration=6.0, rise=1.0, plateau=2.0, decay=1.
 run = caller(add_to)
 
 
-class Squares:
-    """Work that counts how often it is done."""
+class Square(NamedTuple):
+    """A task that notes when it is done."""
 
-    def __init__(self) -> None:
-        self.done: list[int] = []
+    done: list[int]
+    number: int
 
-    def key(self, task: int) -> str:
-        return f"k{task}"
+    def key(self) -> str:
+        return f"k{self.number}"
 
-    def run(self, task: int) -> dict[str, Any]:
-        self.done.append(task)
-        return {"value": task * task}
+    def run(self) -> dict[str, Any]:
+        self.done.append(self.number)
+        return {"value": self.number**2}
 
 
 def test_a_stopped_comparison_goes_on(tmp_path: Path) -> None:
-    keep, first = tmp_path / "kept.jsonl", Squares()
-    assert [r["value"] for r in run_all(first, [1, 2, 2], keep=keep)] == [1, 4, 4]
+    keep, done, shares = tmp_path / "kept.jsonl", list[int](), list[float]()
+
+    def squares(*numbers: int, **how: Any) -> list[int]:
+        done.clear()
+        return [r["value"] for r in run_all([Square(done, k) for k in numbers], keep=keep, **how)]
+
+    assert squares(1, 2, 2) == [1, 4, 4]
+    assert done == [1, 2]
     with keep.open("ab") as stream:  # damaged, empty, and cut off while it was written
         stream.write(b'\xff\xfe\x80\n{"key": "k3", "result": {}}\n{"key": "k3", "resu')
-    second, shares = Squares(), list[float]()
-    found = run_all(second, [3, 2, 1], keep=keep, progress=lambda what, share: shares.append(share))
-    assert [r["value"] for r in found] == [9, 4, 1]
-    assert (first.done, second.done) == ([1, 2], [3])
+    assert squares(3, 2, 1, progress=lambda what, share: shares.append(share)) == [9, 4, 1]
+    assert done == [3]
     assert shares[0] == pytest.approx(2 / 3)
     assert shares[-1] == 1.0
-    third = Squares()
-    run_all(third, [3], keep=keep)
-    assert not third.done
+    squares(3)
+    assert not done
     keep.write_bytes(keep.read_bytes().replace(b'"value": 4', b'"value": 5'))
-    assert run_all(third, [1, 2, 3], keep=keep)[1]["value"] == 4  # a changed line is done again
-    assert third.done == [2]
-    refuses(lambda: run_all(third, [1], jobs=0), "0 jobs")
+    assert squares(1, 2, 3)[1] == 4  # a changed line is done again
+    assert done == [2]
+    refuses(lambda: squares(1, jobs=0), "0 jobs")
 
 
 LISTENERS = """
@@ -92,12 +95,12 @@ import signal
 from mrdamp.compare.page import comparison_page
 from mrdamp.compare.runner import run_all
 
-class Work:
-    def key(self, task): return str(task)
-    def run(self, task): return {"deaf": signal.getsignal(signal.SIGINT) is signal.SIG_IGN}
+class Task:
+    def key(self): return str(id(self))
+    def run(self): return {"deaf": signal.getsignal(signal.SIGINT) is signal.SIG_IGN}
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
-found = [result["deaf"] for jobs in (2, 1) for result in run_all(Work(), [1, 2], jobs=jobs)]
+found = [result["deaf"] for jobs in (2, 1) for result in run_all([Task(), Task()], jobs=jobs)]
 print(*found, signal.getsignal(signal.SIGINT) is signal.default_int_handler)
 """
 

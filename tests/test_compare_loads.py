@@ -19,8 +19,8 @@ from mrdamp.compare.contenders import Contender, contenders
 from mrdamp.compare.goals import GoalBench
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
+from mrdamp.control.passive import Replay
 from mrdamp.control.policy import Policy
-from mrdamp.control.replay import Replay
 from mrdamp.envs import RecordedMotions, StructureEnv
 from mrdamp.envs.linear import own_kind
 from mrdamp.motions import GroundMotion

@@ -107,7 +107,7 @@ def test_defaults_follow_the_frame() -> None:
         ({"period": float("inf")}, "period is inf"),
         (
             {"regulate": {"acceleration_4": 1.0}},
-            "measurement 'acceleration_4' is unknown; allowed: acceleration_i",
+            "measurement 'acceleration_4' is unknown; allowed: stroke, ",
         ),
         ({"regulate": {"drift_1": 0.0}}, "regulate is {'drift_1': 0.0}"),
         ({"measurements": ["speed"]}, "measurement 'speed' is unknown"),

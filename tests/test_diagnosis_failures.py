@@ -112,7 +112,7 @@ def test_an_interrupt_is_one_line_and_leaves_no_answer(
         if share >= 0.05:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(command, "_show_progress", stop)
+    monkeypatch.setattr(command, "show_progress", stop)
     out = tmp_path / "out"
     assert cli.main(["diagnose", str(write(tmp_path / "case")), "-o", str(out), "--jobs", "1"]) == 130
     assert capsys.readouterr().err == "mrdamp: interrupted; run the same command again\n"

@@ -21,8 +21,15 @@ from env_arguments import dashpot
 from excitation import Array
 from mrdamp import cli, models_xml
 from mrdamp.compare.car import CarBench
-from mrdamp.control.car import HookForce, Switching, add_switch, sh_add_switch, skyhook_switch
-from mrdamp.control.car_plant import car_plant, regulated
+from mrdamp.control.car import (
+    HookForce,
+    Switching,
+    add_switch,
+    car_plant,
+    regulated,
+    sh_add_switch,
+    skyhook_switch,
+)
 from mrdamp.control.registry import make
 from mrdamp.envs import Bumps, CarPlant, CarTask, RecordedRoads
 from mrdamp.envs.car_reward import linear_run

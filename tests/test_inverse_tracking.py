@@ -24,7 +24,7 @@ from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, rms
 from mrdamp.inverse.trial import wanted_force
 from mrdamp.model import Effect, Model
 from mrdamp.narx.data import Series
-from mrdamp.pictures.tracking import force_tracking
+from mrdamp.pictures.damper import force_tracking
 from refusals import refuses
 
 BINGHAM = {"c0a": 400.0, "c0b": 150.0, "fya": 50.0, "fyb": 600.0, "v_ref": 0.01, "command_min": 0.0,

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from mrdamp import pictures
 from mrdamp.pictures import style
-from mrdamp.pictures.bound import Share, search_paths, shares
-from mrdamp.pictures.compare import Bar, ranking
+from mrdamp.pictures.compare import Bar, ranking, search_paths, share_ranking
 from mrdamp.pictures.diagnosis import probabilities
 from refusals import refuses
 from studies.blindtest.pictures import shrinking
@@ -109,7 +108,7 @@ def test_a_logarithmic_axis_has_plain_numbers(low: float) -> None:
 
 
 def test_controllers_that_all_have_zero() -> None:
-    bars = [Bar(name, 0.0, 0.0, 0.0, 0.0, False) for name in ("passive-off", "passive-on")]
+    bars = [Bar(name, 0.0, 0.0, 0.0, np.zeros(1)) for name in ("passive-off", "passive-on")]
     assert ranking({"switching": bars}).axes[0].get_xlim()[1] > 0
 
 
@@ -122,11 +121,11 @@ def test_the_rest_is_counted(count: int, told: str) -> None:
 def test_shares_are_drawn_from_minus_one_to_the_bound() -> None:
     nan = float("nan")
     rows = [
-        Share("worse", -3.0, -4.0, 0.5, np.array([-5.0, nan, 0.2])),
-        Share("none", nan, nan, nan, np.array([nan])),
-        Share("half", 0.5, 0.4, 0.6, np.array([0.5]), marked=True),
+        Bar("worse", -3.0, -4.0, 0.5, np.array([-5.0, nan, 0.2])),
+        Bar("none", nan, nan, nan, np.array([nan])),
+        Bar("half", 0.5, 0.4, 0.6, np.array([0.5]), marked=True),
     ]
-    fig = shares({"clairvoyant": rows, "clairvoyant-drift": rows})
+    fig = share_ranking({"clairvoyant": rows, "clairvoyant-drift": rows})
     ax = fig.axes[0]
     dots = [line for line in ax.get_lines() if line.get_marker() == "o"]
     assert [line.get_xdata()[0] for line in dots] == [-1.0, 0.5]  # type: ignore[index]
@@ -134,5 +133,5 @@ def test_shares_are_drawn_from_minus_one_to_the_bound() -> None:
     assert low < -1
     assert high > 1
     assert [a.get_title(loc="left") for a in fig.axes[:2]] == ["clairvoyant", "drift"]
-    refuses(lambda: shares({"clairvoyant": []}), "nothing to show")
+    refuses(lambda: share_ranking({"clairvoyant": []}), "nothing to show")
     refuses(lambda: search_paths({"clairvoyant": {}}), "nothing to show")

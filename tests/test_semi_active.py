@@ -15,11 +15,11 @@ from scipy.integrate import solve_ivp
 from knowing import Known
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.control import Controller, ForceController, registry, skyhook
+from mrdamp.control.base import ZeroOrderHold
 from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
 from mrdamp.control.force_control import Modulated, OnOff
 from mrdamp.control.lyapunov import bang_bang, lyapunov, lyapunov_matrix, max_dissipation
 from mrdamp.control.plant import outputs, plant
-from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation import stepping
 from mrdamp.structures import ShearFrame, dyke1996

@@ -19,7 +19,7 @@ import numpy as np
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.motions import tuning_motions
 from mrdamp.compare.spread import scaled
-from mrdamp.control.replay import Replay
+from mrdamp.control.passive import Replay
 from mrdamp.files import write_atomic
 from mrdamp.motions import TIME_SCALE
 from mrdamp.records.csv_file import render

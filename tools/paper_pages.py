@@ -28,7 +28,7 @@ from identification_tables import save, shrink
 
 from mrdamp.cli import main as mrdamp
 from mrdamp.identify.calibration import COLUMNS, embedded_tests, sensing_by_command
-from mrdamp.pictures import sensing
+from mrdamp.pictures import identification as sensing
 from mrdamp.records import embedded
 
 CONDITION = "sine_4.0Hz_8.0mm_3.0V"

@@ -72,12 +72,7 @@ def compare(
     dampers and told (as in the command), and compression: a frame's ground motions are played five times as fast
     without it, 1 plays them as they are.
     """
-    from mrdamp.compare.benches import bench_of
-    from mrdamp.compare.bound import with_bounds
-    from mrdamp.compare.comparison import compare as compared
-    from mrdamp.compare.comparison import distinct
-    from mrdamp.compare.contenders import contenders, shipped_policies
-    from mrdamp.compare.tuning import settings_for
+    from mrdamp.compare.benches import bench_of, compared
     from mrdamp.errors import require_kind
 
     require_kind("a list of names", (list, tuple), controllers=controllers)
@@ -85,21 +80,13 @@ def compare(
     require_kind("a list of numbers", (list, tuple), amplitudes=amplitudes)
     require_kind("True, False", bool, tune=tune)
     bench = bench_of(structure, model, **options)
-    shipped = shipped_policies(bench.environment)
-    names = list(controllers or (*bench.default, *shipped))
-    settings = settings_for(
-        bench, names, anew=tune, needed=controllers is not None, jobs=jobs, keep=keep, progress=progress
-    )
-    if not settings and not controllers:
-        names = [name for name in names if name not in bench.tuned]
-    under = bench.unseen_loads() if loads is None else loads
-    factors = amplitudes or (bench.unseen_amplitudes if loads is None else (1.0,))
-    common: dict[str, Any] = {"jobs": jobs, "keep": keep, "progress": progress}
-    found = compared(bench, contenders(bench, names, settings, shipped), under, factors, **common)
+    found = compared(
+        bench, controllers, loads, amplitudes, tune=tune, bound=bound, jobs=jobs, keep=keep, progress=progress
+    ).result
     speed = getattr(bench, "compression", 1.0)
     if loads is not None and speed != 1.0:
         found = replace(found, notes=(*found.notes, f"ground motions are played at {speed:g} times their speed"))
-    return found if bound is None else with_bounds(bench, found, distinct(bench, under), starts=bound, **common)
+    return found
 
 
 def train(

@@ -7,12 +7,14 @@ import os
 import sys
 import tempfile
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import (
     Run,
     add_command,
+    calibrate,
     case,
     citation,
     completion,
@@ -21,14 +23,15 @@ from mrdamp.commands import (
     diagnose,
     gap,
     inverse,
+    named_model,
     sensitivity,
+    table1,
 )
 from mrdamp.commands import compare as comparing
 from mrdamp.commands import identify as identification
 from mrdamp.commands import train as training
-from mrdamp.commands.models import named_model
 from mrdamp.commands.output import OutFile, OutFolder, progress_bar
-from mrdamp.errors import EngineError, InputError
+from mrdamp.errors import EngineError, InputError, first_line
 from mrdamp.interrupts import unguard
 from mrdamp.outside import NAMED
 
@@ -85,9 +88,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, help="show the version and exit")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    def add(name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
-        return add_command(commands, name, run, text, example)
-
+    add = partial(add_command, commands)
     demo = add(
         "demo",
         _demo,
@@ -103,6 +104,8 @@ def build_parser() -> argparse.ArgumentParser:
     )
 
     identification.add_to(commands)
+    table1.add_to(commands)
+    calibrate.add_to(commands)
     case.add_to(commands)
     diagnose.add_to(commands)
     sensitivity.add_to(commands)
@@ -233,7 +236,7 @@ def _launch(path: Path) -> int:
     try:
         mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
-        raise InputError(f"{path}: {str(error).splitlines()[0]}") from None
+        raise InputError(f"{path}: {first_line(error)}") from None
     if not _has_display():
         raise InputError(
             "the viewer needs a display, and DISPLAY is not set; mujoco.Renderer draws without one"
@@ -243,7 +246,7 @@ def _launch(path: Path) -> int:
     try:
         mujoco.viewer.launch_from_path(str(path))
     except (mujoco.FatalError, RuntimeError) as error:
-        raise InputError(f"the viewer needs a display: {str(error).splitlines()[0]}") from None
+        raise InputError(f"the viewer needs a display: {first_line(error)}") from None
     return 0
 
 

@@ -41,10 +41,22 @@ class EngineError(MrdampError, ImportError):
     """The installed MuJoCo is not the release of the plugin; the line states how to install that one."""
 
 
+def first_line(error: BaseException) -> str:
+    """Of its message."""
+    return (str(error).splitlines() or [""])[0]
+
+
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """The end of a message on an unknown name: the allowed one that is most like it, if one is."""
     found = difflib.get_close_matches(name, list(allowed), n=1)
     return f"; nearest: {found[0]}" if found else ""
+
+
+def refuse(what: str, *faults: tuple[object, str]) -> None:
+    """InputError of the first fault that there is: whether, and what is wrong and allowed. what: whose they are."""
+    for there, said in faults:
+        if there:
+            raise InputError(f"{what}: {said}")
 
 
 def require_positive(what: str, **values: float) -> None:

@@ -27,11 +27,8 @@ _waiting: dict[Path, Path] | None = None
 
 
 def read_bytes(path: Path) -> bytes:
-    """Bytes of a file as they are on disk.
-
-    Raises:
-        InputError: the file is not there, is no regular file, is too large or cannot be read.
-    """
+    """Bytes of a file as they are on disk. Raises InputError: the file is not there, is no regular file, is too large
+    or cannot be read."""
     try:
         about = path.stat()
         if not stat.S_ISREG(about.st_mode) and not stat.S_ISDIR(about.st_mode):
@@ -50,11 +47,8 @@ def read_bytes(path: Path) -> bytes:
 
 
 def files_in(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
-    """A file, or those of a folder whose names end so, by name; hidden ones are left out.
-
-    Raises:
-        InputError: there is nothing there, or none in the folder.
-    """
+    """A file, or those of a folder whose names end so, by name; hidden ones are left out. Raises InputError: there is
+    nothing there, or none in the folder."""
     if not path.is_dir():
         if not path.exists():
             raise InputError(f"{path}: no such folder or file")
@@ -104,12 +98,8 @@ def decode(name: str, data: bytes) -> str:
 
 
 def read_json(path: Path) -> Any:
-    """Content of a JSON file.
-
-    Raises:
-        InputError: as `read_bytes` and `decode`; no JSON, a key twice in one object, NaN or infinity, a whole
-            number of more than 30 digits, objects thousands deep.
-    """
+    """Content of a JSON file. Raises InputError: as `read_bytes` and `decode`; no JSON, a key twice in one object, NaN
+    or infinity, a whole number of more than 30 digits, objects thousands deep."""
     text = decode(str(path), read_bytes(path))
     if len(text) > _LARGEST_JSON:
         raise _too_large(str(path), _LARGEST_JSON)
@@ -148,8 +138,7 @@ def write_atomic(path: Path, content: str | bytes | Iterable[str] | Callable[[IO
     Text may come in parts, which are made as they are written, and bytes from a function that writes them. A link is
     written through. A name that ends in .gz is packed; the bytes depend on the text only (no time, no name inside).
 
-    Raises:
-        InputError: the folder is missing or cannot be written, or the path is a device or a pipe.
+    Raises InputError: the folder is missing or cannot be written, or the path is a device or a pipe.
     """
     if callable(content):
         content(made := io.BytesIO())

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, first_line
 from mrdamp.files import read_bytes
 
 NAMED = re.compile(r"(?P<place>.+\.py|[A-Za-z_][\w.]*):(?P<name>[A-Za-z_]\w*)")
@@ -69,6 +69,5 @@ def load(place: str) -> Any:
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # of its own code
-        said = (str(error).splitlines() or [""])[0]
-        raise InputError(f"{place}: cannot be imported: {type(error).__name__}: {said}") from None
+        raise InputError(f"{place}: cannot be imported: {type(error).__name__}: {first_line(error)}") from None
     return module

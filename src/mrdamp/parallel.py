@@ -8,6 +8,7 @@ task's seed is its own; every task computes with one thread of BLAS, so that the
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -41,7 +42,22 @@ def mapped(
         # Ray's backend hands out nothing before all is done.
         how = "list" if backend == "ray" else "generator"
         calls = (joblib.delayed(_alone)(os.getpid(), function, *task) for task in listed)
-        yield from joblib.Parallel(n_jobs=jobs, return_as=how)(calls)
+        with _uninterrupted():
+            results = joblib.Parallel(n_jobs=jobs, return_as=how)(calls)
+        yield from results
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Processes that are started here leave Ctrl-C, which the terminal sends to all of them, to this one."""
+    if threading.current_thread() is not threading.main_thread():  # no other may set signals
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _alone(parent: int, function: Callable[..., Result], *task: Any) -> Result:

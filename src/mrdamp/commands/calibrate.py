@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.identify_json import reported
+from mrdamp.commands.identify_json import reporting
 from mrdamp.commands.output import OutFolder, Picture, check_written
 from mrdamp.commands.record_options import add_json
 from mrdamp.errors import InputError
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from mrdamp.records import Record
 
 
-def add_calibrate(commands: Any) -> None:
+def add_to(commands: Any) -> None:
     """Adds `calibrate`."""
     p = add_command(
         commands,
         "calibrate",
-        run_calibrate,
+        reporting(run_calibrate),
         "the piezoelectric force sensor: sensitivity, phase and leakage, and the force of records from their charge",
         "mrdamp calibrate tests/ --records records/ -o out/sensor",
     )
@@ -51,13 +51,9 @@ def add_calibrate(commands: Any) -> None:
     add_json(p)
 
 
-def run_calibrate(a: argparse.Namespace) -> int:
-    """Prints sensitivity, deviation and phase by test, the sensor's response, and delta_2 per current."""
-    return reported(a.json, lambda: _calibrated(a))
-
-
-def _calibrated(a: argparse.Namespace) -> dict[str, Any]:
-    """What `--json` prints."""
+def run_calibrate(a: argparse.Namespace) -> dict[str, Any]:
+    """Prints sensitivity, deviation and phase by test, the sensor's response, and delta_2 per current; returns what
+    `--json` prints."""
     from mrdamp.identify import calibration
     from mrdamp.records import read_record, read_records
     from mrdamp.records.checks import warnings_of
@@ -141,8 +137,7 @@ def _write(
     import numpy as np
 
     from mrdamp.identify.calibration import COLUMNS, PAPER_DELTA_2
-    from mrdamp.pictures import sensing
-    from mrdamp.pictures.identification import sensitivities
+    from mrdamp.pictures import identification as pictures
     from mrdamp.report import Page
 
     page = Page(
@@ -156,11 +151,11 @@ def _write(
        " sign taken off; a charge that lags by an angle has the sine of it as delta_1.")  # fmt: skip
     data = np.array([(t.frequency, t.amplitude, t.sensitivity, t.delta_1) for t in found.tests]).T
     page.figure(
-        "", sensitivities(data[0], np.round(data[1], -2), data[2], data[3], found.sensitivity),
+        "", pictures.sensitivities(data[0], np.round(data[1], -2), data[2], data[3], found.sensitivity),
         "Sensitivity and deviation of each test.", "Sensitivities over the frequency.",
     )  # fmt: skip
     test = tests[len(tests) // 2]
-    page.figure("", sensing.calibration_signals(test.time, *(test.channel(n) for n in COLUMNS[1:])),
+    page.figure("", pictures.calibration_signals(test.time, *(test.channel(n) for n in COLUMNS[1:])),
                 f"Force and charge of the test {test.name}.", "Force and charge over time.")  # fmt: skip
     if rows:
         page.table("Force from the charge", ("command", "delta_2 (%)", "at 20 Hz (%)", "records", "paper (%)"), [
@@ -173,10 +168,10 @@ def _write(
         strongest[float(np.round(np.median(r.command), 3))] = r
     if strongest:
         late = {f"{u:g}, {r.name}": r.part(r.time[r.n // 2], r.time[-1]) for u, r in sorted(strongest.items())}
-        page.figure("", sensing.force_histories({
+        page.figure("", pictures.force_histories({
             name: (r.time, r.channel("reference_force_N"), r.channel("force_N")) for name, r in late.items()
         }), "The load cell and the damper's own sensor, the strongest record of each command.", "Forces over time.")
-        page.figure("", sensing.loops_by_command({
+        page.figure("", pictures.loops_by_command({
             name: (r.displacement, r.velocity(), r.channel("force_N")) for name, r in late.items()
         }), "The damper's own force, the same records.", "Force over displacement and over velocity.")
     made = {folder / "records" / f"{r.name}.csv": r for r in records if "charge_pC" in r.channels}

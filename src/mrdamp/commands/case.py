@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from mrdamp.commands import HOLD, add_command
+from mrdamp.commands import HOLD, add_command, named_model
 from mrdamp.commands.output import OutFolder
 from mrdamp.errors import InputError
 
@@ -42,7 +42,6 @@ def add_to(commands: Any) -> None:
 
 def run_case(a: argparse.Namespace) -> int:
     """Reads everything first, then writes the folder."""
-    from mrdamp.commands.models import named_model
     from mrdamp.diagnosis.case.folder import read_case
     from mrdamp.identify.provenance import IDENTIFIED_ON
     from mrdamp.records import read_record, record_files

@@ -10,18 +10,18 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import add_command
-from mrdamp.commands.models import named_model
+from mrdamp.commands import add_command, named_model
 from mrdamp.commands.output import OutFolder, progress_bar, save_picture, silent_output
 from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from mrdamp.compare.bench import Bench
     from mrdamp.compare.comparison import Comparison
     from mrdamp.compare.tuning import Setting
+    from mrdamp.report import Page
 
 _PRESETS = "dyke1996", "cable"
 #: Options in the page's command, and those among them that have a default.
@@ -116,25 +116,11 @@ def run(a: argparse.Namespace) -> int:
 
 def _compare(a: argparse.Namespace) -> str:
     """What is printed of a comparison."""
-    from mrdamp.compare.benches import bench_of
-    from mrdamp.compare.bound import with_bounds
-    from mrdamp.compare.comparison import compare, distinct
-    from mrdamp.compare.contenders import contenders, shipped_policies
+    from mrdamp.compare import tables
+    from mrdamp.compare.benches import bench_of, compared
     from mrdamp.compare.frame import FrameBench
     from mrdamp.compare.motions import doubtful
-    from mrdamp.compare.output import write_comparison
-    from mrdamp.compare.page import paths_picture, shares_picture
-    from mrdamp.compare.tables import (
-        mean_rows,
-        share_columns,
-        share_note,
-        share_rows,
-        spread_columns,
-        spread_note,
-        spread_rows,
-        to_json,
-    )
-    from mrdamp.compare.tuning import settings_for
+    from mrdamp.compare.page import paths_picture, shares_picture, write_comparison
     from mrdamp.motions import GroundMotion
 
     period = None if a.period is None else 1e-3 * a.period
@@ -157,35 +143,15 @@ def _compare(a: argparse.Namespace) -> str:
         raise InputError("--bound is for one damper; leave it out")
     if a.speed is not None and not (a.motions and bench.option == "road"):
         raise InputError("--speed is for files of roads (--motions); leave it out")
-    loads: Sequence[Any] = bench.read(a.motions, a.speed or 20.0) if a.motions else bench.unseen_loads()
-    for check in (said for load in loads if a.motions and isinstance(load, GroundMotion) for said in doubtful(load)):
+    loads = bench.read(a.motions, a.speed or 20.0) if a.motions else None
+    for check in (said for load in loads or () if isinstance(load, GroundMotion) for said in doubtful(load)):
         print(f"check: {check}", file=sys.stderr)
-    amplitudes = tuple(a.amplitudes) if a.amplitudes else (1.0,) if a.motions else bench.unseen_amplitudes
-    shipped = shipped_policies(bench.environment)
-    names = a.controllers or [*bench.default, *shipped]
-    keep = _keep(a.out)
-    # Tuning takes minutes: what is wrong with a file or a name is said before.
-    contenders(bench, [name for name in names if name.rpartition("=")[2] not in bench.tuned], {}, shipped)
     with progress_bar() as progress:
-        settings = settings_for(
-            bench, names, anew=a.tune, needed=bool(a.controllers), file=a.out and a.out / "tuned.json",
-            jobs=a.jobs, keep=keep, progress=progress,
+        result, loads, settings = compared(
+            bench, a.controllers, loads, a.amplitudes, tune=a.tune, tuned=a.out and a.out / "tuned.json",
+            percent=a.spread, bound=a.bound, jobs=a.jobs, keep=_keep(a.out), progress=progress,
         )  # fmt: skip
-        if not settings and not a.controllers:
-            names = [name for name in names if name not in bench.tuned]
-        rows = contenders(bench, names, settings, shipped)
-        result = compare(bench, rows, loads, amplitudes, jobs=a.jobs, keep=keep, progress=progress)
-        loads = distinct(bench, loads)
-        if a.spread:
-            from mrdamp.compare.spread import with_spread
-
-            assert isinstance(bench, FrameBench)
-            result = with_spread(bench, result, loads, a.spread, jobs=a.jobs, keep=keep, progress=progress)
-        if a.bound is not None:
-            result = with_bounds(
-                bench, result, loads, starts=a.bound, jobs=a.jobs, keep=keep, progress=progress
-            )
-        about = _about(bench, result, settings, names)
+        about = _about(bench, result, settings)
         noted = " ".join([about, *(f"Note: {note}." for note in result.notes)])
         if a.out:
             progress("page", 1.0)
@@ -197,17 +163,15 @@ def _compare(a: argparse.Namespace) -> str:
     for note in result.notes:
         print(f"mrdamp: {note}", file=sys.stderr)
     if a.json:
-        return to_json(result, bench.command_unit, noted).rstrip()
-    at = [k for k, m in enumerate(result.measures, start=1) if m.key in bench.headline]
-    heads = [m.title.format(unit=bench.command_unit) for m in result.measures if m.key in bench.headline]
+        return tables.to_json(result, bench.command_unit, noted).rstrip()
     said = [
-        _aligned([("controller", *heads), *((row[0], *(row[k] for k in at)) for row in mean_rows(result))]),
+        tables.means(result, bench, bench.headline).aligned(),
         f"mean (worst) over motions or loads and amplitudes; ratios are over {bench.reference}",
     ]
-    if result.others:
-        said += [_aligned([spread_columns(result), *spread_rows(result)]), spread_note(result)]
-    if result.bounds:
-        said += [_aligned([share_columns(result), *share_rows(result)]), share_note(result)]
+    more = [tables.spread(result)] if result.others else []
+    more += [tables.shares(result)] if result.bounds else []
+    for table in more:
+        said += [table.aligned(), table.note]
     said.append(about)
     if not settings and not a.controllers:
         said.append("tuned controllers are left out: there are no settings for this model; add --tune")
@@ -232,12 +196,11 @@ def _keep(out: Path | None) -> Path | None:
     return out / "kept.jsonl"
 
 
-def _about(bench: Bench, result: Comparison, settings: dict[str, Setting], names: Sequence[str]) -> str:
+def _about(bench: Bench, result: Comparison, settings: Mapping[str, Setting]) -> str:
     amplitudes = ", ".join(f"{x:g}" for x in result.amplitudes)
     text = f"{bench.about()}; {', '.join(result.loads)}; amplitudes {amplitudes}."
-    used = {name: s for name, s in settings.items() if any(n.rpartition("=")[2] == name for n in names)}
-    if used:
-        tuned = ", ".join(f"{name} = {s.spec}" for name, s in used.items())
+    if settings:
+        tuned = ", ".join(f"{name} = {s.spec}" for name, s in settings.items())
         text += f" Tuned on {len(bench.tuning_loads())} loads: {tuned}."
     return text
 
@@ -262,21 +225,12 @@ def _dyke1996(a: argparse.Namespace) -> int:
     motion = preset.el_centro(a.motions[0] if a.motions else None)
     with progress_bar() as progress:
         rows = preset.table(motion, progress=progress)
-    if a.json:
-        print(json.dumps(preset.to_dict(rows, motion), indent=1))
-    else:
-        print(f"{motion.name}, peak {motion.pga:.3f} m/s2, at five times its speed; damper dyke1996_3kN")
-        print(_aligned(preset.text_rows(rows)))
-        for row in rows:
-            print(f"{row.controller}: mean deviation {row.mean_deviation:.2f} %")
-    if a.out:
-        _keep(a.out)
-        with together():
-            write_atomic(a.out / "table.md", preset.markdown(rows, motion))
-            preset.page(rows, motion).write(a.out / "index.html")
-        if not a.json:
-            print(f"page: {a.out / 'index.html'}")
-    return 0
+    lines = [
+        f"{motion.name}, peak {motion.pga:.3f} m/s2, at five times its speed; damper dyke1996_3kN",
+        preset.shown(rows, motion).aligned(),
+        *(f"{row.controller}: mean deviation {row.mean_deviation:.2f} %" for row in rows),
+    ]
+    return _answer(a, lines, preset.to_dict(rows, motion), preset.markdown(rows, motion), preset.page(rows, motion))
 
 
 def _cable_reference(a: argparse.Namespace) -> int:
@@ -284,27 +238,21 @@ def _cable_reference(a: argparse.Namespace) -> int:
 
     with progress_bar() as progress:
         rows = preset.table(jobs=a.jobs, progress=progress)
-    if a.json:
-        print(json.dumps(preset.to_dict(rows), indent=1))
-    else:
-        print(
-            "RMS motion of a taut cable over that with the best viscous damper; deviation from the reference"
-        )
-        print(_aligned(preset.text_rows(rows)))
+    table = preset.shown(rows)
+    said = "RMS motion of a taut cable over that with the best viscous damper; deviation from the reference"
+    markdown = f"# Taut cable: reference numbers\n\n{table.markdown()}\n{table.note}\n"
+    return _answer(a, [said, table.aligned()], preset.to_dict(rows), markdown)
+
+
+def _answer(a: argparse.Namespace, lines: Sequence[str], report: Any, markdown: str, page: Page | None = None) -> int:
+    """Prints a published table and writes it; 0."""
+    print(json.dumps(report, indent=1) if a.json else "\n".join(lines))
     if a.out:
         _keep(a.out)
-        write_atomic(a.out / "table.md", preset.markdown(rows))
+        with together():
+            write_atomic(a.out / "table.md", markdown)
+            if page:
+                page.write(a.out / "index.html")
         if not a.json:
-            print(f"table: {a.out / 'table.md'}")
+            print(f"page: {a.out / 'index.html'}" if page else f"table: {a.out / 'table.md'}")
     return 0
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> str:
-    """Text in columns: the first flush left, the others flush right."""
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    return "\n".join(
-        "  ".join(
-            [row[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True))]
-        )
-        for row in rows
-    )

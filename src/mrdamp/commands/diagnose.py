@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import sys
 from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.output import OutFolder
+from mrdamp.commands.output import OutFolder, show_progress
 from mrdamp.errors import InputError
 
 
@@ -49,7 +48,7 @@ def run_diagnose(a: argparse.Namespace) -> int:
         raise InputError(f"--jobs is {a.jobs}; at least 1")
     case = read_case(a.case)
     a.out.mkdir(parents=True, exist_ok=True)
-    found = diagnose(case, jobs=a.jobs or os.cpu_count() or 1, progress=_show_progress)
+    found = diagnose(case, jobs=a.jobs or os.cpu_count() or 1, progress=show_progress)
     with together():
         found.corrected.write(a.out / "corrected.json")
         found = hand_over(found, case.records, a.out / "mjcf")
@@ -62,7 +61,3 @@ def run_diagnose(a: argparse.Namespace) -> int:
     print(table(found))
     print(f"page: {a.out / 'index.html'}")
     return 0
-
-
-def _show_progress(what: str, share: float) -> None:
-    print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)

@@ -1,8 +1,4 @@
-"""The command `mrdamp identify`; `table1` and `calibrate` have modules of their own.
-
-`add_to(commands)` registers the three on the subparsers of `mrdamp.cli`; each sets `run`, a function of the parsed
-arguments that returns an exit code and raises InputError for bad input.
-"""
+"""The command `mrdamp identify`."""
 
 from __future__ import annotations
 
@@ -12,10 +8,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import HOLD, add_command
-from mrdamp.commands.calibrate import add_calibrate
-from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, reported
+from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, reporting
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
-from mrdamp.commands.output import OutFile, Picture, progress_bar, save_picture
+from mrdamp.commands.output import OutFile, Picture, progress_bar, save_picture, show_progress
 from mrdamp.commands.record_options import (
     add_json,
     add_records,
@@ -24,9 +19,7 @@ from mrdamp.commands.record_options import (
     follows,
     prepared,
     read,
-    show_progress,
 )
-from mrdamp.commands.table1 import add_table1
 from mrdamp.errors import InputError
 from mrdamp.files import together
 
@@ -45,17 +38,10 @@ AUTO = "auto"
 
 
 def add_to(commands: Any) -> None:
-    """Adds identify, table1 and calibrate to the subparsers of an argparse parser."""
-    add_identify(commands)
-    add_table1(commands)
-    add_calibrate(commands)
-
-
-def add_identify(commands: Any) -> None:
     """Adds `identify`."""
     about = "fit a law, or a network, to records; evaluated in free run on held-out records"
     example = "mrdamp identify records/ --law bouc_wen --intervals -o model.json"
-    p = add_command(commands, "identify", run_identify, about, example)
+    p = add_command(commands, "identify", reporting(run_identify), about, example)
     add_records(p, f"; {AUTO}: those that left-out records pay for")
     p.add_argument(
         "--law",
@@ -107,13 +93,8 @@ def add_identify(commands: Any) -> None:
     add_narx_options(p)
 
 
-def run_identify(a: argparse.Namespace) -> int:
-    """Fits, prints the errors, intervals and findings, and writes the model."""
-    return reported(a.json, lambda: _checked(a))
-
-
-def _checked(a: argparse.Namespace) -> dict[str, Any]:
-    """What `--json` prints, after the options and the units of the records were looked at."""
+def run_identify(a: argparse.Namespace) -> dict[str, Any]:
+    """Fits, prints the errors, intervals and findings, and writes the model; returns what `--json` prints."""
     from mrdamp.identify.laws import parametric
     from mrdamp.records.checks import warnings_of
 

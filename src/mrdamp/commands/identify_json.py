@@ -5,11 +5,12 @@ Errors: `rmse_N`, and `nrmse` over the standard deviation of the force. A figure
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, redirect_stdout
+from contextlib import nullcontext, redirect_stdout
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -23,23 +24,18 @@ if TYPE_CHECKING:
     from mrdamp.narx.select import Trial
 
 
-def words(as_json: bool) -> AbstractContextManager[Any]:
-    """Where the words go: to stdout, or to stderr where stdout is for JSON."""
-    return redirect_stdout(sys.stderr) if as_json else nullcontext()
+def reporting(report: Callable[[argparse.Namespace], Mapping[str, Any]]) -> Callable[[argparse.Namespace], int]:
+    """A command that makes a report: `--json` prints that without NaN or Infinity, which the standard excludes, and
+    what is said on the way goes to stderr then."""
 
+    def run(a: argparse.Namespace) -> int:
+        with redirect_stdout(sys.stderr) if a.json else nullcontext():
+            found = report(a)
+        if a.json:
+            print(json.dumps(_finite(found), indent=1, allow_nan=False))
+        return 0
 
-def to_text(report: Mapping[str, Any]) -> str:
-    """JSON without NaN or Infinity, which the standard excludes."""
-    return json.dumps(_finite(report), indent=1, allow_nan=False)
-
-
-def reported(as_json: bool, report: Callable[[], Mapping[str, Any]]) -> int:
-    """Makes a command's report, whose words go where `words` says, and prints it if it is wanted as JSON; 0."""
-    with words(as_json):
-        found = report()
-    if as_json:
-        print(to_text(found))
-    return 0
+    return run
 
 
 def of_fit(
@@ -49,12 +45,8 @@ def of_fit(
     compared: Mapping[str, Fit] | None = None,
 ) -> dict[str, Any]:
     """Of a law's fit. compared: fits by dependence on the command, where they were compared."""
-    out: dict[str, Any] = {
-        "law": fit.model.law,
-        "attributes": dict(fit.model.attributes),
+    out = _law(fit) | {
         "effects_left_out": list(fit.left_out),
-        "fitted": _errors(fit.train, fit.train_nrmse),
-        "held_out": _errors(fit.held_out, fit.held_out_nrmse),
         "left_in_records": [
             {
                 "record": c.record,
@@ -88,17 +80,12 @@ def of_by_command(found: ByCommand) -> dict[str, Any]:
     """Of values at each constant command with lines through them."""
     from mrdamp.identify import pooled
 
-    fit = found.fit
-    return {
-        "law": fit.model.law,
-        "attributes": dict(fit.model.attributes),
+    return _law(found.fit) | {
         "by_command": [
             {"command": u, "attributes": dict(model.attributes), **_errors(errors, pooled(errors))}
             for u, model, errors in found.at
         ],
         "lines": [line._asdict() for line in found.lines],
-        "fitted": _errors(fit.train, fit.train_nrmse),
-        "held_out": _errors(fit.held_out, fit.held_out_nrmse),
     }
 
 
@@ -162,6 +149,15 @@ def of_table(table: Table1) -> dict[str, Any]:
             }
             for row in table.rows
         ],
+    }
+
+
+def _law(fit: Fit) -> dict[str, Any]:
+    return {
+        "law": fit.model.law,
+        "attributes": dict(fit.model.attributes),
+        "fitted": _errors(fit.train, fit.train_nrmse),
+        "held_out": _errors(fit.held_out, fit.held_out_nrmse),
     }
 
 

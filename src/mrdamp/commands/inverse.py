@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import add_command, seed
+from mrdamp.commands import add_command, named_model, seed
 from mrdamp.commands.output import OutFolder, Picture, progress_bar, save_picture
 from mrdamp.errors import InputError
 
@@ -57,7 +57,7 @@ def add_to(commands: Any) -> None:
 
 def run_inverse(a: argparse.Namespace) -> int:
     """Trains, tracks, prints the table and writes page, picture and network."""
-    from mrdamp.commands.models import named_model, named_unit
+    from mrdamp import sets
     from mrdamp.files import together
     from mrdamp.inverse.network import NetworkInverse
     from mrdamp.inverse.page import draw, write_page
@@ -82,7 +82,8 @@ def run_inverse(a: argparse.Namespace) -> int:
             network=network, exact=a.exact, commands=tuple(a.commands) if a.commands else None, motion=motion,
             seconds=a.seconds, seed=a.seed, workers=a.workers, progress=progress,
         )  # fmt: skip
-    unit = a.command_unit or named_unit(a.model)
+    of_set = not Path(a.model).exists() and a.model in sets.names()
+    unit = a.command_unit or (sets.load(a.model).command.unit if of_set else "A")
     with together():
         page = write_page(result, a.out, unit)
         if a.picture:

@@ -110,6 +110,11 @@ def silent_output() -> Iterator[None]:
         os.close(kept)
 
 
+def show_progress(what: str, share: float) -> None:
+    """A line on stderr."""
+    print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)
+
+
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
     """A bar on a terminal; elsewhere a line for each new step, and for each tenth of the whole."""
@@ -129,7 +134,7 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
         def plain(what: str, share: float) -> None:
             nonlocal last
             if what != last[0] or share >= last[1] + 0.1:
-                print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)
+                show_progress(what, share)
                 last = (what, share)
 
         yield plain

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -75,8 +74,3 @@ def follows(a: argparse.Namespace) -> Sequence[str] | None:
     from mrdamp.identify.laws import PAPER_FOLLOWS
 
     return PAPER_FOLLOWS.get(a.law) if a.follows == ["paper"] else a.follows
-
-
-def show_progress(what: str, share: float) -> None:
-    """A line on stderr."""
-    print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)

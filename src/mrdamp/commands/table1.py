@@ -7,18 +7,18 @@ from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.identify_json import of_table, reported
-from mrdamp.commands.output import Picture, progress_bar, save_picture
-from mrdamp.commands.record_options import add_json, add_records, add_signals, read, show_progress
+from mrdamp.commands.identify_json import of_table, reporting
+from mrdamp.commands.output import Picture, progress_bar, save_picture, show_progress
+from mrdamp.commands.record_options import add_json, add_records, add_signals, read
 from mrdamp.errors import InputError
 
 
-def add_table1(commands: Any) -> None:
+def add_to(commands: Any) -> None:
     """Adds `table1`."""
     p = add_command(
         commands,
         "table1",
-        run_table1,
+        reporting(run_table1),
         "Bingham, Bouc-Wen, hyperbolic tangent and a network on one record set: the foam-damper paper's Table 1",
         "mrdamp table1 foam --condition sine_4.0Hz_8.0mm_3.0V --follows paper --zero-mean --cutoff 80 --cutoff-force",
     )
@@ -38,13 +38,8 @@ def add_table1(commands: Any) -> None:
     add_signals(p)
 
 
-def run_table1(a: argparse.Namespace) -> int:
-    """Prints the table and writes the picture."""
-    return reported(a.json, lambda: _table1(a))
-
-
-def _table1(a: argparse.Namespace) -> dict[str, Any]:
-    """What `--json` prints."""
+def run_table1(a: argparse.Namespace) -> dict[str, Any]:
+    """Prints the table and writes the picture; returns what `--json` prints."""
     from mrdamp.identify.comparison import judged_records, network_forces, paper_network, table_1
     from mrdamp.model import Model
 

@@ -8,20 +8,18 @@ good or better.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.plant_run import PlantBench
-from mrdamp.compare.shares import least
-from mrdamp.control.replay import Replay
-from mrdamp.simulation.rows import ChainRows
+from mrdamp.compare.plant_run import WINDOW, PlantBench
+from mrdamp.control.passive import Replay
+from mrdamp.model.core import Array
+from mrdamp.simulation.rows import ChainRows, Stepping
 
-Array = NDArray[np.float64]
 #: Of the rows, (n,): what the last period cost, and what is to come after a number of periods.
 Cost = Callable[[ChainRows], Array]
 ToCome = Callable[[ChainRows, int], Array]
@@ -87,6 +85,21 @@ def _one(
     return commands, float(so_far[best])
 
 
+def least(judged: Sequence[Mapping[str, float]], weights: Mapping[str, float]) -> dict[str, float]:
+    """Measures of the run with the least weighted sum of them."""
+    return dict(min(judged, key=lambda values: sum(w * values[key] for key, w in weights.items())))
+
+
+def started(bench: PlantBench, chain: Callable[[Any, Stepping], Any], step: float, load: Any, n: int) -> Any:
+    """n of a bench's structures on the chain, in steps of `step` (s) at most, at the start of a load."""
+    stepping = Stepping(bench.period, min(bench.period, step), np.array([bench.command_max]), n)
+    made = chain(bench.structure, stepping)
+    made.window = WINDOW
+    for row in range(n):
+        made.start(row, load)
+    return made
+
+
 def judged(
     bench: PlantBench, name: str, start: str, load: Any, amplitude: float, commands: Array, values: Sequence[float]
 ) -> dict[str, Any]:
@@ -98,6 +111,6 @@ def judged(
     replayed = bench.driven(Replay(commands, bench.period, name), load, amplitude)
     runs = replayed, bench.run(start, load, amplitude)
     return {
-        "values": dict(least([bench.values(run, uncontrolled) for run in runs], bench.bounds[name])),
+        "values": least([bench.values(run, uncontrolled) for run in runs], bench.bounds[name]),
         "paths": [{"start": "beam", "values": list(values), "ended": "widest beam"}],
     }

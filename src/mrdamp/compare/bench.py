@@ -59,29 +59,13 @@ def digest(of: Sequence[Any]) -> str:
 #: What ratios are over on a structure with a damper more or less.
 WITHOUT = "the structure without a damper"
 
-#: Controllers compared by default on a frame or a cable.
-DEFAULT = (
-    "passive-off",
-    "passive-on",
-    "best-constant",
-    "clipped-optimal",
-    "clipped-optimal-tuned",
-    "modulated-optimal-tuned",
-    "force-tracking-tuned",
-    "lyapunov-tuned",
-    "max-dissipation-tuned",
-    "skyhook-tuned",
-)
-#: The tuned ones of them: name -> registered controller.
-TUNED = {
-    "best-constant": "constant",
-    "clipped-optimal-tuned": "clipped-optimal",
-    "modulated-optimal-tuned": "modulated-optimal",
-    "force-tracking-tuned": "force-tracking",
-    "lyapunov-tuned": "lyapunov",
-    "max-dissipation-tuned": "max-dissipation",
-    "skyhook-tuned": "skyhook",
+#: Controllers that are tuned on a frame or a cable: name -> registered controller.
+TUNED = {"best-constant": "constant"} | {
+    f"{kind}-tuned": kind
+    for kind in ("clipped-optimal", "modulated-optimal", "force-tracking", "lyapunov", "max-dissipation", "skyhook")
 }
+#: Those compared by default.
+DEFAULT = ("passive-off", "passive-on", "best-constant", "clipped-optimal", *list(TUNED)[1:])
 
 
 def score(bench: Bench, values: Mapping[str, float]) -> float:
@@ -253,16 +237,15 @@ class Bench(ABC):
     @property
     def command_max(self) -> float:
         """A or V. Raises InputError where the model has none."""
-        model = self.structure.models[0]
-        largest = model.attributes.get("command_max", math.nan)
-        if not 0 < largest < math.inf:
-            raise InputError(f"{model.name}: no command_max among its parameters; give the largest command")
-        return largest
+        return registry.largest_command(self.structure.models[0])
 
     def check(self, spec: str) -> None:
-        """Raises InputError for an unknown controller."""
+        """Asks a controller once for a command, at rest, so that what is wrong with it is found before a run. Raises
+        InputError."""
         registry.parse(spec, self.site.options)
-        own.at_rest(self.controller(spec), self.measured)
+        controller = self.controller(spec)
+        controller.reset()
+        controller.command(0.0, dict.fromkeys(self.measured, 0.0))
 
     def controller(self, spec: str) -> Controller:
         """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""

@@ -1,18 +1,24 @@
-"""The bench of each structure by name."""
+"""The bench of each structure by name, and a whole comparison on one."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Unpack
 
 from mrdamp.compare.bench import Bench
+from mrdamp.compare.bound import with_bounds
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.car import CarBench
+from mrdamp.compare.comparison import Comparison, compare, distinct
+from mrdamp.compare.contenders import contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.goals import GoalBench
+from mrdamp.compare.runner import How
+from mrdamp.compare.spread import with_spread
+from mrdamp.compare.tuning import Setting, settings_for
 from mrdamp.envs.linear import own_kind
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model import Model
@@ -69,6 +75,52 @@ def bench_of(
     if kind is None:
         return GoalBench(own_kind(structure)(**given), compression=fast, **others)
     return CableBench(**given, **others) if kind == "cable" else CarBench(**given, **others)
+
+
+class Compared(NamedTuple):
+    """loads: those of the result; settings: of its tuned controllers."""
+
+    result: Comparison
+    loads: Sequence[Any]
+    settings: Mapping[str, Setting]
+
+
+def compared(
+    bench: Bench,
+    controllers: Sequence[str] | None = None,
+    loads: Sequence[Any] | None = None,
+    amplitudes: Sequence[float] | None = None,
+    *,
+    tune: bool = False,
+    tuned: Path | None = None,
+    percent: Sequence[float] | None = None,
+    bound: int | None = None,
+    **how: Unpack[How],
+) -> Compared:
+    """What `mrdamp compare` does. Raises InputError.
+
+    controllers: names, None: all, the tuned ones where they have settings. loads: None: the bench's own. amplitudes:
+    None: 1 for given loads. tune: anew; tuned: the file of their settings. percent: of `with_spread`. bound: as
+    `starts` of `with_bounds`.
+    """
+    shipped = shipped_policies(bench.environment)
+    names = list(controllers or (*bench.default, *shipped))
+    # Tuning takes minutes: what is wrong with a file or a name is said before.
+    contenders(bench, [name for name in names if name.rpartition("=")[2] not in bench.tuned], {}, shipped)
+    settings = settings_for(bench, names, anew=tune, needed=bool(controllers), file=tuned, **how)
+    if not settings and not controllers:
+        names = [name for name in names if name not in bench.tuned]
+    factors = amplitudes or (bench.unseen_amplitudes if loads is None else (1.0,))
+    under = bench.unseen_loads() if loads is None else loads
+    result = compare(bench, contenders(bench, names, settings, shipped), under, factors, **how)
+    under = distinct(bench, under)
+    if percent:
+        assert isinstance(bench, FrameBench)
+        result = with_spread(bench, result, under, percent, **how)
+    if bound is not None:
+        result = with_bounds(bench, result, under, starts=bound, **how)
+    named = {name.rpartition("=")[2] for name in names}
+    return Compared(result, under, {name: s for name, s in settings.items() if name in named})
 
 
 def _framed(model: Model, dampers: Sequence[tuple[int, int]]) -> Model:

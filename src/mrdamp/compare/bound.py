@@ -7,8 +7,7 @@ import itertools
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -20,8 +19,7 @@ from mrdamp.compare.car_bound import car_bound
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame_bound import frame_bound
-from mrdamp.compare.runner import Progress, run_all
-from mrdamp.compare.shares import score, start_of_way
+from mrdamp.compare.runner import How, run_all
 from mrdamp.control import registry
 from mrdamp.errors import InputError
 
@@ -38,29 +36,23 @@ _SEARCHES: Mapping[str, Callable[..., dict[str, Any]]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """One load at one amplitude. starts: bound -> specs of controllers, the best first."""
+    """The searches on a bench for one load at one amplitude. starts: bound -> specs of controllers, the best first."""
 
+    bench: Bench
     load: Load
     amplitude: float
     starts: Mapping[str, tuple[str, ...]]
 
-
-@dataclass(frozen=True)
-class Cases:
-    """Searches on a bench, for `run_all`."""
-
-    bench: Bench
-
-    def key(self, task: Case) -> str:
+    def key(self) -> str:
         specs = {
-            name: [self.bench.key(s, task.load, task.amplitude) for s in some]
-            for name, some in task.starts.items()
+            name: [self.bench.key(spec, self.load, self.amplitude) for spec in some]
+            for name, some in self.starts.items()
         }
         effort = {**vars(clairvoyant.Effort()), **vars(Beam())}
         return hashlib.sha256(json.dumps([_VERSION, effort, specs]).encode()).hexdigest()[:32]
 
-    def run(self, task: Case) -> dict[str, Any]:
-        return _SEARCHES[self.bench.environment](self.bench, task.starts, task.load, task.amplitude)
+    def run(self) -> dict[str, Any]:
+        return _SEARCHES[self.bench.environment](self.bench, self.starts, self.load, self.amplitude)
 
 
 def with_bounds(
@@ -69,14 +61,12 @@ def with_bounds(
     loads: Sequence[Load],
     *,
     starts: int = 1,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> Comparison:
     """A comparison with the bench's bounds as rows of their own, searched for from the best `starts` runs of each case.
 
-    A bound is not worse than any controller of the comparison in any case. loads: those of the result. jobs, keep: see
-    `run_all`. Raises InputError.
+    A bound is not worse than any controller of the comparison in any case. loads: those of the result. Raises
+    InputError.
     """
     if not bench.bounds:
         raise InputError(
@@ -85,12 +75,12 @@ def with_bounds(
     if starts < 1:
         raise InputError(f"compare: bound from {starts} controllers; allowed: 1 or more")
     result = replace(result, base=bench.base)
-    start_of_way(result)
+    result.start_of_way()
     cases = []
     for (i, load), (j, amplitude) in itertools.product(enumerate(loads), enumerate(result.amplitudes)):
         best = {name: _best(result, weights, i, j)[:starts] for name, weights in bench.bounds.items()}
-        cases.append(Case(load, amplitude, best))
-    found = run_all(Cases(bench), cases, jobs=jobs, keep=keep, progress=progress, what="bound")
+        cases.append(Case(bench, load, amplitude, best))
+    found = run_all(cases, "bound", **how)
     shape = 1, len(loads), len(result.amplitudes)
     values = {
         name: {
@@ -118,6 +108,6 @@ def _best(result: Comparison, weights: Mapping[str, float], load: int, amplitude
         spec: float(value)
         for c in result.contenders
         if not c.bound and not any(spec.partition(":")[0] == registry.IDEAL for spec in c.specs)
-        for spec, value in zip(c.specs, score(result, c.name, weights)[:, load, amplitude], strict=True)
+        for spec, value in zip(c.specs, result.score(c.name, weights)[:, load, amplitude], strict=True)
     }
     return tuple(sorted(rated, key=rated.__getitem__))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -77,7 +77,9 @@ class CableBench(PlantBench):
         return 2, 1_000_000 if kind == "force-tracking" else 3_000_000
 
     def unseen_loads(self) -> tuple[CableLoad, ...]:
-        return self._loads(_UNSEEN_SEED, 2)
+        rng = np.random.default_rng(_UNSEEN_SEED)
+        drawn = [source.draw(rng, self.cable.length) for _ in range(2) for source in _SOURCES]
+        return tuple(replace(load, name=f"{load.name}_{k + 1}") for k, load in enumerate(drawn))
 
     def own_identity(self) -> list[Any]:
         return [asdict(self.cable), self.model.to_dict()["model"], self.period, self.timestep]
@@ -89,20 +91,9 @@ class CableBench(PlantBench):
             f"its length, control period {1e3 * self.period:g} ms; {knowledge(self.model)}"
         )
 
-    def _loads(self, seed: int, each: int) -> tuple[CableLoad, ...]:
-        rng = np.random.default_rng(seed)
-        drawn = [source.draw(rng, self.cable.length) for _ in range(each) for source in _SOURCES]
-        return tuple(
-            CableLoad(f"{load.name}_{k + 1}", load.sample_time, load.places, load.force)
-            for k, load in enumerate(drawn)
-        )
-
     def _force_max(self, largest: float) -> float:
         """N at the largest command, in a slow motion of 1 % of the damper's distance from the anchorage."""
         dt, n = 1e-3, 2000
         x = 0.01 * self.cable.damper_at * self.cable.length * np.sin(self.cable.first * dt * np.arange(n))
-        return float(
-            np.abs(
-                self.model.simulate(dt, {"displacement_m": x, "command": np.full(n, largest)})["force_N"]
-            ).max()
-        )
+        run = self.model.simulate(dt, {"displacement_m": x, "command": np.full(n, largest)})
+        return float(np.abs(run["force_N"]).max())

@@ -5,24 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import cont2discrete
 
-from mrdamp.compare.beam import judged, search
+from mrdamp.compare.beam import judged, search, started
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.cable import CableBench
-from mrdamp.compare.plant_run import WINDOW
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_rows import CableChain
-from mrdamp.envs.cable_task import Cable
-from mrdamp.simulation.rows import ChainRows, Stepping
+from mrdamp.model.core import Array
+from mrdamp.simulation.rows import ChainRows
 from mrdamp.structures.cables import StayCable
-
-Array = NDArray[np.float64]
 
 #: s, of the chain at most. The motion is up to 2.2 % below that in MuJoCo at 0.25 ms, .2 % in the median of 18
 #: cases; at 1 ms it was 3 % in one of two.
@@ -38,25 +35,15 @@ def cable_bound(
     """For `mrdamp.compare.bound`. The best start takes the place of a found run that is worse."""
     scaled, whole = load.scaled(amplitude), bench.cable.mass * bench.cable.length
     uncontrolled = bench.run(UNCONTROLLED, load, amplitude)
-    largest = bench.site.command_max
-
-    def rows(n: int) -> CableChain:
-        stepping = Stepping(bench.period, min(bench.period, _STEP), np.array([largest]), n)
-        made = CableChain(Cable(bench.cable, bench.model), stepping)
-        made.window = WINDOW
-        for row in range(n):
-            made.start(row, scaled)
-        return made
-
-    first = rows(1)
-    periods = int(first.steps[0])
+    rows = partial(started, bench, CableChain, _STEP, scaled)
+    periods = int(rows(1).steps[0])
     forces = bench.cable.forces(scaled.force, scaled.places)
     to_come = ToCome(bench.cable, forces, scaled.sample_time, bench.period, periods)
 
     def cost(plants: ChainRows) -> Array:
         return np.asarray(np.square(plants.coordinates()).sum(axis=1))
 
-    found = search(lambda n: rows(n).plants, periods, np.array([0.0, largest]), cost, to_come)
+    found = search(lambda n: rows(n).plants, periods, np.array([0.0, bench.command_max]), cost, to_come)
     values = [math.sqrt(c / periods / whole) / uncontrolled["motion"] for c in found.costs]
     return {
         name: judged(bench, name, starts[name][0], load, amplitude, found.commands, values)

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
-
-import joblib
 
 from mrdamp.compare import tables
 from mrdamp.control.taut_cable import CableResult, ControlledCable, reference_result
+from mrdamp.parallel import mapped
 from mrdamp.structures.taut_cable import Load
 
 #: Of control, where the fundamental's period is 2 pi. The semi-active figure depends on it: docs/control.md.
@@ -46,11 +46,8 @@ def table(
 ) -> tuple[TableRow, ...]:
     """The six cases; period: of control, without dimension."""
     cases = tuple(REFERENCE)
-    pool = joblib.Parallel(n_jobs=jobs, return_as="generator")
-    results = pool(
-        joblib.delayed(reference_result)(ControlledCable(at, load=load), period=period, seed=seed)
-        for at, load in cases
-    )
+    run = partial(reference_result, period=period, seed=seed)
+    results = mapped(run, [(ControlledCable(at, load=load),) for at, load in cases], jobs)
     rows = []
     for k, (case, found) in enumerate(zip(cases, results, strict=True), start=1):
         if progress:
@@ -61,8 +58,8 @@ def table(
     return tuple(rows)
 
 
-def text_rows(rows: Sequence[TableRow]) -> list[tuple[str, ...]]:
-    """Heads, then ratios with the deviation from the reference in percent."""
+def shown(rows: Sequence[TableRow]) -> tables.Table:
+    """Ratios with the deviation from the reference in percent."""
     heads = ("x_d / L, load", "best viscous", *COLUMNS, "semi-active force")
     body = []
     for row in rows:
@@ -70,19 +67,12 @@ def text_rows(rows: Sequence[TableRow]) -> list[tuple[str, ...]]:
         values = zip((f.uncontrolled, f.active, f.semi_active), row.deviation, strict=True)
         cells = (f"{v:.4f} ({d:+.2f})" for v, d in values)
         body.append((f"{row.case[0]:g}, {row.case[1]}", f"{f.best_viscous:.3f}", *cells, f"{f.force:.2f}"))
-    return [heads, *body]
-
-
-def markdown(rows: Sequence[TableRow]) -> str:
-    """The table with its meaning."""
-    heads, *body = text_rows(rows)
-    return (
-        "# Taut cable: reference numbers\n\n"
-        f"{tables.markdown(heads, body)}\n"
+    note = (
         "RMS motion over that with the best viscous damper, in parentheses the deviation from the reference in "
         "percent; the force over the best viscous damper's RMS force. White noise, full state, control period "
-        f"{PERIOD:g} of a fundamental period of 2 pi.\n"
+        f"{PERIOD:g} of a fundamental period of 2 pi."
     )
+    return tables.Table(heads, body, note)
 
 
 def to_dict(rows: Sequence[TableRow]) -> list[dict[str, Any]]:

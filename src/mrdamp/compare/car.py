@@ -31,33 +31,13 @@ _UNSEEN = (
     ("C", 20.0, 9_000_205), ("C", 28.0, 9_000_206), ("D", 8.0, 9_000_207), ("D", 18.0, 9_000_208),
 )  # fmt: skip
 _DURATION = 12.0  # s
-_TUNED = {
-    "best-constant": "constant",
-    "skyhook-switch-tuned": "skyhook-switch",
-    "skyhook-tuned": "skyhook",
-    "groundhook-tuned": "groundhook",
-    "hybrid-tuned": "hybrid",
-    "add-tuned": "add",
-    "sh-add-tuned": "sh-add",
-    "clipped-lq-tuned": "clipped-lq",
-    "lq-tracking-tuned": "lq-tracking",
-    "clipped-mpc-tuned": "clipped-mpc",
-}
 _MPC = "clipped-mpc"
-_DEFAULT = (
-    "passive-off",
-    "passive-on",
-    "best-constant",
-    "skyhook-switch-tuned",
-    "skyhook-tuned",
-    "groundhook-tuned",
-    "hybrid-tuned",
-    "add-tuned",
-    "sh-add-tuned",
-    "clipped-lq-tuned",
-    "lq-tracking-tuned",
-    "clipped-mpc-tuned",
-)
+_TUNED = {"best-constant": "constant"} | {
+    f"{kind}-tuned": kind
+    for kind in (
+        "skyhook-switch", "skyhook", "groundhook", "hybrid", "add", "sh-add", "clipped-lq", "lq-tracking", _MPC,
+    )
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -104,12 +84,13 @@ class CarBench(PlantBench):
 
     @property
     def tuned(self) -> Mapping[str, str]:
-        return {name: kind for name, kind in _TUNED.items() if kind != _MPC or _solver()}
+        """Without clipped MPC where its solver is not installed."""
+        solver = importlib.util.find_spec("osqp") is not None
+        return {name: kind for name, kind in _TUNED.items() if kind != _MPC or solver}
 
     @property
     def default(self) -> tuple[str, ...]:
-        """Without clipped MPC where its solver is not installed."""
-        return tuple(name for name in _DEFAULT if _TUNED.get(name) != _MPC or _solver())
+        return "passive-off", "passive-on", *self.tuned
 
     @cached_property
     def structure(self) -> Car:
@@ -145,7 +126,8 @@ class CarBench(PlantBench):
         return 7, 3_000_000 if quick else 1_000_000
 
     def unseen_loads(self) -> tuple[Road, ...]:
-        return (*_roads(_UNSEEN), bump(0.08, 1.0, 6.0), bump(0.05, 4.0, 20.0))
+        drawn = (iso8608(road_class, speed, _DURATION, seed) for road_class, speed, seed in _UNSEEN)
+        return (*drawn, bump(0.08, 1.0, 6.0), bump(0.05, 4.0, 20.0))
 
     def read(self, files: Sequence[Path], speed: float) -> list[Road]:
         roads = [read_road(file, speed) for file in files]
@@ -163,11 +145,3 @@ class CarBench(PlantBench):
             f"{self.model.name} in a quarter car of {c.body:g} and {c.wheel:g} kg, control period "
             f"{1e3 * self.period:g} ms; ratios are over {self.reference}; {knowledge(self.model)}"
         )
-
-
-def _solver() -> bool:
-    return importlib.util.find_spec("osqp") is not None
-
-
-def _roads(drawn: Sequence[tuple[str, float, int]]) -> tuple[Road, ...]:
-    return tuple(iso8608(road_class, speed, _DURATION, seed) for road_class, speed, seed in drawn)

@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_lyapunov
 
-from mrdamp.compare.beam import Beam, judged, search
+from mrdamp.compare.beam import Beam, judged, search, started
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.car import CarBench
-from mrdamp.compare.plant_run import WINDOW
 from mrdamp.envs.car_rows import PERIOD
-from mrdamp.envs.car_task import Car
 from mrdamp.envs.chain_rows import CarChain
+from mrdamp.model.core import Array
 from mrdamp.simulation.comfort import STATES, wk_sections
 from mrdamp.simulation.roads import Road
-from mrdamp.simulation.rows import ChainRows, Stepping
+from mrdamp.simulation.rows import ChainRows
 from mrdamp.structures.cars import QuarterCar
-
-Array = NDArray[np.float64]
 
 _STEP = 1e-3  # s, of the chain at most
 #: Dashpots of the estimate of what is to come, over the critical one. The narrowest beam tries all of them, the wider
@@ -43,18 +40,9 @@ def car_bound(
     ratios that were found before.
     """
     scaled, linear = road.scaled(amplitude), bench.run(UNCONTROLLED, road, amplitude)
-    largest = bench.command_max
-
-    def rows(n: int) -> CarChain:
-        stepping = Stepping(bench.period, min(bench.period, _STEP), np.array([largest]), n)
-        made = CarChain(Car(bench.car, bench.model), stepping)
-        made.window = WINDOW
-        for row in range(n):
-            made.start(row, scaled)
-        return made
-
+    rows = partial(started, bench, CarChain, _STEP, scaled)
     first = rows(1)
-    periods, levels = int(first.steps[0]), largest * np.array(_LEVELS)
+    periods, levels = int(first.steps[0]), bench.command_max * np.array(_LEVELS)
     pushes = first.pushes(scaled)
 
     def ratios(commands: Array) -> dict[str, float]:

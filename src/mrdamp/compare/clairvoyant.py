@@ -8,7 +8,7 @@ problem. It ends in a local optimum: what it finds can be reached, and the true 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,8 +17,8 @@ from scipy.optimize import linprog
 
 from mrdamp.compare.rollouts import Rollouts, sensitivity
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.intp]
 
 #: Fractions of a change that are tried by simulation.
@@ -124,7 +124,6 @@ def search(
     starts: Sequence[tuple[str, Array]],
     objective: Peaks,
     effort: Effort | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> tuple[Path, ...]:
     """One search from each start, a name and its commands (periods,), side by side; the best path first.
 
@@ -139,10 +138,8 @@ def search(
         Path(name, u, float(v), [float(v)])
         for (name, _), u, v in zip(starts, given, objective.value(y), strict=True)
     ]
-    for stage, hold in enumerate(effort.holds):
+    for hold in effort.holds:
         _stage(rollouts, paths, objective, hold, effort)
-        if progress is not None:
-            progress((stage + 1) / len(effort.holds))
     return tuple(sorted(paths, key=lambda path: path.value))
 
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar, Unpack
 
 import numpy as np
 
 from mrdamp.compare.bench import Bench, Load, Measure
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.own import is_code
-from mrdamp.compare.runner import Progress
-from mrdamp.compare.summary import Summary, difference, summarise
+from mrdamp.compare.runner import How
+from mrdamp.compare.summary import Summary, difference, ratio, summarise
 from mrdamp.compare.tuning import run_grid
 from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError, require_positive
@@ -60,9 +59,13 @@ class Comparison(Shown):
         """Of the difference to another contender, run by run; below 0: less than the other's."""
         return difference(self.values[contender][measure], self.values[other][measure])
 
+    def score(self, contender: str, weights: Mapping[str, float]) -> Array:
+        """(seeds, loads, amplitudes) weighted sum of measures, of every run."""
+        return sum((w * self.values[contender][key] for key, w in weights.items()), np.zeros(1))
+
     def rated(self, contender: str) -> Array:
         """(seeds, loads, amplitudes) what controllers are tuned for, of every run."""
-        return sum((w * self.values[contender][key] for key, w in self.objective.items()), np.zeros(1))
+        return self.score(contender, self.objective)
 
     def gain(self, contender: str) -> Summary:
         """Of that, less the base's, run by run."""
@@ -72,19 +75,42 @@ class Comparison(Shown):
         """(amplitudes,) mean over seeds and loads."""
         return np.asarray(self.values[contender][measure].mean(axis=(0, 1)))
 
+    def start_of_way(self) -> str:
+        """The contender that is the base. Raises InputError."""
+        for c in self.contenders:
+            if c.specs == (self.base,):
+                return c.name
+        raise InputError(f"compare: a bound needs {self.base} among the controllers; add it")
+
+    def share(self, contender: str, bound: str) -> Summary:
+        """Of the way from the base to a bound in what the bound makes small: 0 as the base, 1 as the bound.
+
+        A ratio of means over all runs, with its interval over loads and seeds; worst: the least of a load. NaN where
+        the bound is no better than the base.
+        """
+        mean, low, high = ratio(*self._way(contender, bound))
+        return Summary(mean, float(np.nanmin(self.load_shares(contender, bound), initial=np.inf)), low, high)
+
+    def load_shares(self, contender: str, bound: str) -> Array:
+        """(loads,) the share under each load, all amplitudes and seeds together."""
+        gone, way = (gain.mean(axis=(0, 2)) for gain in self._way(contender, bound))
+        return np.asarray(gone / np.where(way > 0, way, np.nan))
+
+    def _way(self, contender: str, bound: str) -> tuple[Array, Array]:
+        """What a contender gains over the base, (seeds, loads, amplitudes), and what the bound does, (1, ...)."""
+        weights = self.bounds[bound]
+        base, own, best = (self.score(name, weights) for name in (self.start_of_way(), contender, bound))
+        return base - own, base - best
+
 
 def compare(
     bench: Bench,
     contenders: Sequence[Contender],
     loads: Sequence[Load],
     amplitudes: Sequence[float],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> Comparison:
-    """Every contender under every one of the `distinct` loads at every amplitude. jobs, keep: see
-    `mrdamp.compare.runner.run_all`. Raises InputError."""
+    """Every contender under every one of the `distinct` loads at every amplitude. Raises InputError."""
     if not contenders or not loads or not amplitudes:
         raise InputError("compare: give at least one controller, one motion and one amplitude")
     for amplitude in amplitudes:
@@ -101,9 +127,10 @@ def compare(
     given, loads = loads, distinct(bench, loads)
     cases = list(itertools.product(loads, amplitudes))
     specs = [spec for c in contenders for spec in c.specs]
-    rows = run_grid(bench, specs, cases, jobs=jobs, keep=keep, progress=progress)
+    rows = run_grid(bench, specs, cases, **how)
     own = [spec for spec in specs if is_code(spec)]
-    again = run_grid(bench, own, cases[:1], jobs=jobs, progress=progress, what="repeated runs") if own else {}
+    anew: How = {**how, "keep": None}
+    again = run_grid(bench, own, cases[:1], "repeated runs", **anew) if own else {}
     unsteady = [
         f"{spec.partition(':')[2]}: its first run, repeated, has another result: it keeps state between runs that its "
         "reset does not put back, or draws numbers without a seed"

@@ -107,18 +107,19 @@ def table(
     return tuple(rows)
 
 
-def text_rows(rows: Sequence[TableRow]) -> list[tuple[str, ...]]:
-    """Heads, then found values with the deviation from the published one in percent."""
+def shown(rows: Sequence[TableRow], motion: GroundMotion) -> tables.Table:
+    """Found values with the deviation from the published one in percent."""
     heads = ("", *(f"{name} ({unit})" for name, unit in zip(COLUMNS, UNITS, strict=True)))
-    return [heads, *((row.controller, *_cells(row)) for row in rows)]
+    note = f"{motion.source}; at five times its speed. In parentheses: deviation, percent."
+    return tables.Table(heads, [(row.controller, *_cells(row)) for row in rows], note)
 
 
 def markdown(rows: Sequence[TableRow], motion: GroundMotion) -> str:
     """The table, published and computed values."""
-    heads, *body = text_rows(rows)
-    text = f"# Dyke et al. 1996\n\n{motion.source}; at five times its speed.\n\n"
+    heads, body, _ = shown(rows, motion)
     means = (f"{row.mean_deviation:.2f} %" for row in rows)
     table = tables.markdown((*heads, "mean deviation"), [(*r, m) for r, m in zip(body, means, strict=True)])
+    text = f"# Dyke et al. 1996\n\n{motion.source}; at five times its speed.\n\n"
     return f"{text}{table}\nIn parentheses: deviation from the published value, percent.\n"
 
 
@@ -147,10 +148,7 @@ def page(rows: Sequence[TableRow], motion: GroundMotion) -> Page:
         f"The published peaks, met within {worst:.1f} % on average in every row, through MuJoCo and the plugin.",
         footer="Made by `mrdamp compare --preset dyke1996`.",
     )
-    heads, *body = text_rows(rows)
-    page.table(
-        "Peaks", heads, body, f"{motion.source}; at five times its speed. In parentheses: deviation, percent."
-    )
+    page.table("Peaks", *shown(rows, motion))
     page.figure(
         "",
         deviations({row.controller: row.deviation.tolist() for row in rows}, COLUMNS),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -12,16 +12,16 @@ import numpy as np
 
 from mrdamp.compare.bench import DEFAULT, ELECTRIC, UNCONTROLLED, Bench, Coil, Measure, require_periods
 from mrdamp.compare.motions import unseen_motions
-from mrdamp.compare.on_rows import run_rows
 from mrdamp.control import registry
-from mrdamp.control.base import OWN, Controller, sensor_name
+from mrdamp.control.base import OWN, Controller, ZeroOrderHold, sensor_name
 from mrdamp.control.told import knowledge
-from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.plant import FramePlant
 from mrdamp.errors import InputError, require_positive
-from mrdamp.model import Model
+from mrdamp.model import FLOOR_SENSOR_EFFECTS, Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.criteria import Criteria, evaluate
+from mrdamp.simulation.floor_sensors import FloorSensors
 from mrdamp.simulation.stepping import FrameRun, run_frame
 
 #: Of what is kept of a run: a controller with a longer period is held in between, so that no peak is missed.
@@ -158,7 +158,6 @@ class FrameBench(Bench):
         coil = Coil.of(self.command_unit).use(mean, square, c.duration)
         return {"criteria": kept, "coil": {**coil, "coil_energy": len(self.places) * coil["coil_energy"]}}
 
-
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         c, coil = _criteria(kept), kept["coil"]
         ratios = vars(c.relative_to(_criteria(uncontrolled)))
@@ -201,3 +200,50 @@ def _criteria(kept: Mapping[str, Any]) -> Criteria:
         k: np.array(v) if isinstance(v, list) else v for k, v in kept["criteria"].items()
     }
     return Criteria(**values)
+
+
+def run_rows(
+    model: Model,
+    motion: GroundMotion,
+    controller: Controller,
+    *,
+    timestep: float,
+    engine: str = "chain",
+    measured: Sequence[str] | None = None,
+) -> FrameRun:
+    """A controlled frame with a damper or several on rows, as `run_frame` runs one in MuJoCo.
+
+    At the controller's period (s); timestep: the engine's largest, s. measured: what the controller is given, in a
+    copy of its own; None: all measurements of the rows.
+
+    Of m dampers, at the places of the model's structure, force, stroke, command and current are (n, m).
+    """
+    assert model.structure is not None
+    ideal = tuple(e for e in model.effects if e.place is None or e.name not in FLOOR_SENSOR_EFFECTS)
+    own = replace(model, effects=ideal, structure=replace(model.structure, others=()))
+    # The largest command is for shares that no one asks for here; commands are not cut off at it.
+    largest = model.attributes.get("command_max", 1.0)
+    plant = FramePlant(
+        own, damper_between=model.structure.places, period=controller.period, timestep=timestep, command_max=largest,
+        engine=engine,
+    )  # fmt: skip
+    controller.reset()
+    y = plant.reset(motion)
+    rows: list[list[float]] = []
+    floors, dampers = range(1, model.structure.storeys + 1), range(len(model.structure.places))
+    names = [f"{what}_{j}" for what in ("drift", "acceleration") for j in floors]
+    names += [sensor_name(what, k) for what in ("true_force", "stroke", "current") for k in dampers]
+    # The run has the true accelerations, the controller what the floors' accelerometers read.
+    sensors, accelerations = FloorSensors(model.frame, controller.period, 1), [f"acceleration_{j}" for j in floors]
+    while not plant.finished:
+        read = sensors.read(np.array([[y[name] for name in accelerations]]), None if rows else [0])[0]
+        seen = {**y, **dict(zip(accelerations, read.tolist(), strict=True))}
+        command = controller.command(plant.time, {name: seen[name] for name in measured or seen})
+        rows.append([*(y[name] for name in names), *np.broadcast_to(command, len(dampers)).tolist()])
+        y = plant.step(command)
+    found = np.array(rows)
+    n, m = len(floors), len(dampers)
+    drift, acceleration, *each = np.split(found, np.cumsum([n, n, m, m, m]), axis=1)
+    force, stroke, current, given = (part if m > 1 else part[:, 0] for part in each)
+    time = controller.period * np.arange(len(found), dtype=np.float64)
+    return FrameRun(time, drift, acceleration, force, stroke, given, current)

@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from mrdamp.compare.beam import least
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.clairvoyant import Array, Path, Peaks, search
+from mrdamp.compare.clairvoyant import Path, Peaks, search
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.rollouts import Rollouts
-from mrdamp.compare.shares import least
-from mrdamp.control.replay import Replay
+from mrdamp.control.passive import Replay
 from mrdamp.envs.chain_rows import FrameChain
 from mrdamp.envs.frame_task import Frame
 from mrdamp.model import FLOOR_SENSOR_EFFECTS
+from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
 from mrdamp.simulation.rows import Stepping
 from mrdamp.simulation.stepping import FrameRun
@@ -61,7 +62,7 @@ def frame_bound(
         replay = bench.driven(Replay(found, period, name), load, amplitude)
         judged = [bench.values(bench.kept(name, run), uncontrolled) for run in (replay, runs[own[0]])]
         out[name] = {
-            "values": dict(least(judged, weights)),
+            "values": least(judged, weights),
             "paths": [{"start": p.name, "values": p.values, "ended": p.ended} for p in paths],
         }
     return out

@@ -15,7 +15,6 @@ from mrdamp.motions import GroundMotion, kanai_tajimi, read_motion
 PEAK = 3.4  # m/s2, of every synthetic motion at amplitude 1
 
 UNSEEN_AMPLITUDES = (0.4, 1.0, 1.6)
-TUNING_AMPLITUDES = (0.5, 1.3)
 
 #: Of a recorded motion: the mean over the peak at most, and the peak, m/s2. The largest on record is about 40.
 _MEAN, _PEAK = 0.5, 50.0

@@ -12,10 +12,9 @@ from __future__ import annotations
 
 import copy
 import inspect
-import json
 import os
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,23 +25,14 @@ from gymnasium.spaces import Box
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.observe import Observer
-from mrdamp.control.told import Site, Told, ask, first_line, told
+from mrdamp.control.told import Site, Told, ask, told
 from mrdamp.envs.task import Task
-from mrdamp.errors import InputError, require_period
-from mrdamp.files import decode, read_bytes
+from mrdamp.errors import InputError, first_line, require_period
+from mrdamp.files import read_bytes, read_json
 from mrdamp.outside import NAMED, named
 
 #: Makes the task of one row that a model was trained in, from arguments of its environment.
 MakeTask = Callable[..., Task]
-
-
-def at_rest(controller: Controller, names: Sequence[str]) -> None:
-    """Asks a controller once for a command, at rest, so that what is wrong with it is found before a run.
-
-    names: of the measurements. Raises InputError.
-    """
-    controller.reset()
-    controller.command(0.0, dict.fromkeys(names, 0.0))
 
 
 def is_own(what: str) -> bool:
@@ -103,7 +93,9 @@ class SavedPolicy:
         pickled = ""
         for other in others:
             if other.endswith(".json"):
-                given = _mapping(other)
+                given = read_json(Path(other))
+                if not isinstance(given, dict):
+                    raise InputError(f"{other}: allowed: arguments of the environment by name")
             elif other.endswith(".pkl"):
                 pickled, self._statistics = other, _statistics(other)
             else:
@@ -145,16 +137,6 @@ class SavedPolicy:
         shares = 0.5 * (np.asarray(action, dtype=np.float64) + 1.0)
         self._command = self._largest * np.clip(shares, 0.0, 1.0)
         return self._command
-
-
-def _mapping(file: str) -> dict[str, Any]:
-    try:
-        found = json.loads(decode(file, read_bytes(Path(file))))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{file}: not JSON: {error}") from None
-    if not isinstance(found, dict):
-        raise InputError(f"{file}: allowed: arguments of the environment by name")
-    return found
 
 
 def _statistics(file: str) -> Any:

@@ -1,42 +1,92 @@
-"""The HTML page of a comparison."""
+"""The files of a comparison: an HTML page, tables and the runs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamp.compare.bench import Bench
+from mrdamp.compare.bench import UNCONTROLLED, Bench, Load
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
-from mrdamp.compare.frame import SAMPLE_TIME
-from mrdamp.compare.shares import by_load, share
-from mrdamp.compare.summary import difference
+from mrdamp.compare.frame import SAMPLE_TIME, FrameBench
+from mrdamp.compare.summary import Summary, difference
 from mrdamp.compare.tables import (
-    claim_rows,
-    columns,
-    interval_rows,
-    load_share_rows,
-    mean_rows,
-    note,
-    share_columns,
-    share_note,
-    share_rows,
-    spread_columns,
-    spread_note,
-    spread_rows,
+    claims,
+    differences_csv,
+    intervals,
+    load_shares,
+    means,
+    means_csv,
+    paths_csv,
+    report,
+    runs_csv,
+    shares,
+    shares_csv,
+    spread,
+    to_json,
 )
+from mrdamp.files import write_atomic
 from mrdamp.model.core import Array
-from mrdamp.pictures.bound import Share, search_paths, shares
-from mrdamp.pictures.compare import Bar, by_amplitude, ranking, trade_off
+from mrdamp.motions import GroundMotion
+from mrdamp.pictures.compare import Bar, by_amplitude, ranking, search_paths, share_ranking, trade_off
 from mrdamp.pictures.structure import command_history, drifts, profile
 from mrdamp.report import Page
 from mrdamp.simulation.criteria import Criteria
 from mrdamp.simulation.stepping import FrameRun
 
 _FEW = 6  # controllers that lines distinguish
+_USUAL = (
+    "passive-off", "passive-on", "best-constant", "clipped-optimal", "clipped-optimal-tuned", "skyhook-tuned",
+)  # fmt: skip
+#: Whose runs are shown, and how many.
+_SHOWN, _MOST_SHOWN = ("best-constant", "clipped-optimal", "clipped-optimal-tuned"), 3
+
+
+def write_comparison(
+    folder: Path, bench: Bench, result: Comparison, loads: Sequence[Load], about: str, command: str
+) -> Path:
+    """Writes index.html, table.md, table.csv, differences.csv, runs.csv, result.json and, where there are bounds,
+    shares.csv and paths.csv; returns the page. Raises InputError.
+
+    loads: those of the result; command: what made it.
+    """
+    texts = {
+        "table.md": report(result, bench, about),
+        "table.csv": means_csv(result),
+        "differences.csv": differences_csv(result),
+        "runs.csv": runs_csv(result),
+        "result.json": to_json(result, bench.command_unit, about),
+    }
+    texts |= {"shares.csv": shares_csv(result), "paths.csv": paths_csv(result)} if result.bounds else {}
+    for name, text in texts.items():
+        write_atomic(folder / name, text)
+    page = comparison_page(result, bench, command)
+    if isinstance(bench, FrameBench) and not bench.places[1:]:
+        amplitude = min(result.amplitudes, key=lambda a: abs(a - 1))
+        case = f"{loads[0].name} at amplitude {amplitude:g}"
+        assert isinstance(loads[0], GroundMotion)
+        _add_frame_runs(page, bench.command_unit, _histories(bench, result, loads[0], amplitude), case)
+    page.text("What was run", about)
+    files = {c.name: ", ".join(Path(spec.partition(":")[2]).name for spec in c.specs) for c in result.contenders}
+    page.table("", ("controller", "setting"), [
+        (c.name, f"{len(c.specs)} files: {files[c.name]}" if c.learned else c.specs[0]) for c in result.contenders
+    ])  # fmt: skip
+    page.write(folder / "index.html")
+    return folder / "index.html"
+
+
+def _histories(
+    bench: FrameBench, result: Comparison, motion: GroundMotion, amplitude: float
+) -> dict[str, tuple[FrameRun, Criteria]]:
+    """Runs to look at: the uncontrolled one, learned ones first, then the usual baselines."""
+    rows = {c.name: c.specs[0] for c in result.contenders if not c.bound}
+    chosen = _few(list(rows), [c.name for c in result.contenders if c.learned], _SHOWN, _MOST_SHOWN)
+    specs = {UNCONTROLLED: UNCONTROLLED} | {name: rows[name] for name in chosen}
+    runs = {name: (spec, bench.history(spec, motion, amplitude)) for name, spec in specs.items()}
+    return {name: (run, bench.criteria(spec, run)) for name, (spec, run) in runs.items()}
 
 
 def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
@@ -61,38 +111,22 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
             "Drift against acceleration; better is below and to the left.",
             "Mean peak acceleration over mean peak drift, a point a controller.",
         )
-    page.table("Table", columns(result, bench.command_unit), mean_rows(result), note(bench))
-    heads = [_words(key, titles[key]) for key in bench.claimed]
-    page.table(
-        "",
-        ("controller", *heads),
-        interval_rows(result, bench.claimed),
-        "Means with 95 % bootstrap intervals over motions or loads, and over seeds where there are several.",
-    )
+    page.table("Table", *means(result, bench))
+    claimed = {key: _words(key, titles[key]) for key in bench.claimed}
+    page.table("", *intervals(result, claimed))
     for name in learned:
-        page.table(
-            f"{name} less the others",
-            ("less", *heads),
-            claim_rows(result, name, bench.claimed),
-            "Run by run, with 95 % bootstrap intervals; below zero the learned one has less.",
-        )
+        page.table(f"{name} less the others", *claims(result, name, claimed))
     if result.others:
-        page.table("Other structures", spread_columns(result), spread_rows(result), spread_note(result))
+        page.table("Other structures", *spread(result))
     if result.bounds:
         _add_bounds(page, result)
     if len(result.amplitudes) > 1:
         ratios = [m.key for m in result.measures if m.ratio and m.key in bench.headline][:2]
-        few = _few(result)
+        few = _few([c.name for c in result.contenders], learned, _USUAL, _FEW)
+        panels = {_words(key, titles[key]): {name: result.by_amplitude(name, key) for name in few} for key in ratios}
         page.figure(
             "By amplitude",
-            by_amplitude(
-                result.amplitudes,
-                {
-                    _words(key, titles[key]): {name: result.by_amplitude(name, key) for name in few}
-                    for key in ratios
-                },
-                learned,
-            ),
+            by_amplitude(result.amplitudes, panels, learned),
             "Means over motions or loads, and seeds.",
             "The main ratios over the amplitude.",
         )
@@ -107,9 +141,8 @@ def _add_bounds(page: Page, result: Comparison) -> None:
         f"From {result.base} (0) to the best command for a motion known in advance (1); a tick is a motion.",
         f"Share of the way from {result.base} to each bound by controller.",
     )
-    page.table("", share_columns(result), share_rows(result), share_note(result))
-    heads = ("load", *(c.name for c in result.contenders if not c.bound))
-    page.table("", heads, load_share_rows(result), "The same by load, to the first bound.")
+    page.table("", *shares(result))
+    page.table("", *load_shares(result))
     load, amplitude = _shown_case(result)
     page.figure(
         "",
@@ -128,12 +161,19 @@ def means_picture(result: Comparison) -> Figure:
 def shares_picture(result: Comparison) -> Figure:
     """Of a comparison with bounds."""
     shown = [c for c in result.contenders if not c.bound]
-    return shares({bound: [_share(result, c, bound) for c in shown] for bound in result.bounds})
+    return share_ranking({
+        bound: [_bar(c, result.share(c.name, bound), result.load_shares(c.name, bound)) for c in shown]
+        for bound in result.bounds
+    })  # fmt: skip
 
 
-def _share(result: Comparison, c: Contender, bound: str) -> Share:
-    s = share(result, c.name, bound)
-    return Share(c.name, s.mean, s.low, s.high, by_load(result, c.name, bound), c.learned)
+def _bars(result: Comparison, key: str) -> list[Bar]:
+    each = ((c, result.summary(c.name, key)) for c in result.contenders)
+    return [_bar(c, s, np.array([s.worst])) for c, s in each]
+
+
+def _bar(c: Contender, s: Summary, single: Array) -> Bar:
+    return Bar(c.name, s.mean, s.low, s.high, single, c.learned)
 
 
 def paths_picture(result: Comparison) -> Figure:
@@ -155,20 +195,7 @@ def _short_start(spec: str) -> str:
     return Path(rest).stem if head == "policy" else head
 
 
-def add_settings(page: Page, result: Comparison, about: str) -> None:
-    """What was run, and with which settings: the page's end. about: in words."""
-    page.text("What was run", about)
-    rows = [
-        (c.name, f"{len(c.specs)} files: {_files(c)}" if c.learned else c.specs[0]) for c in result.contenders
-    ]
-    page.table("", ("controller", "setting"), rows)
-
-
-def _files(contender: Contender) -> str:
-    return ", ".join(Path(spec.partition(":")[2]).name for spec in contender.specs)
-
-
-def add_frame_runs(page: Page, unit: str, shown: Mapping[str, tuple[FrameRun, Criteria]], case: str) -> None:
+def _add_frame_runs(page: Page, unit: str, shown: Mapping[str, tuple[FrameRun, Criteria]], case: str) -> None:
     """Histories of one case of a frame. shown: controller -> run and criteria, the uncontrolled one first."""
     # Runs of different periods end within a sample of each other.
     time = np.arange(min(len(run.time) for run, _ in shown.values())) * SAMPLE_TIME
@@ -213,27 +240,9 @@ def _words(key: str, title: str) -> str:
     return f"{title}, {_WORDS[key]}" if key in _WORDS else title
 
 
-def _bars(result: Comparison, key: str) -> list[Bar]:
-    out = []
-    for c in result.contenders:
-        s = result.summary(c.name, key)
-        out.append(Bar(c.name, s.mean, s.low, s.high, s.worst, c.learned))
-    return out
-
-
-def _few(result: Comparison) -> list[str]:
+def _few(names: Sequence[str], learned: Sequence[str], usual: Sequence[str], most: int) -> list[str]:
     """Learned ones first, then the usual baselines, then whoever is left."""
-    usual = (
-        "passive-off",
-        "passive-on",
-        "best-constant",
-        "clipped-optimal",
-        "clipped-optimal-tuned",
-        "skyhook-tuned",
-    )
-    names = [c.name for c in result.contenders]
-    first = [c.name for c in result.contenders if c.learned] + [name for name in usual if name in names]
-    return list(dict.fromkeys([*first, *names]))[:_FEW]
+    return list(dict.fromkeys([*learned, *(name for name in usual if name in names), *names]))[:most]
 
 
 def _summary(result: Comparison, bench: Bench) -> str:

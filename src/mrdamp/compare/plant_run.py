@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Coil, require_periods
-from mrdamp.control.base import Controller
-from mrdamp.control.zero_order_hold import ZeroOrderHold
+from mrdamp.control.base import Controller, ZeroOrderHold
 from mrdamp.envs.plant import RowPlant
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 #: s. Every run is as long as with control periods of this, so that no controller is judged by motion that another's run
 #: is too short for; a period that is no multiple of it is stepped in parts of at most _PART.
@@ -54,29 +50,6 @@ class PlantRun:
         }
 
 
-def run_plant(
-    make: Callable[[float], RowPlant], load: Any, controller: Controller, measured: Sequence[str]
-) -> PlantRun:
-    """A controller over a load. make: a plant from its control period, s; measured: what the controller is given, in a
-    copy of its own."""
-    every = round(controller.period / WINDOW)
-    if every < 1 or abs(every * WINDOW - controller.period) > 1e-9 * WINDOW:
-        every = math.ceil(controller.period / _PART - 1e-9)
-    period = controller.period / every
-    for each in (controller.period, period):
-        require_periods(load, each)
-    plant, sampled = make(period), ZeroOrderHold(controller, every)
-    plant.rows.window = WINDOW
-    sampled.reset()
-    y, rows, said = plant.reset(load), [], []
-    while not plant.finished:
-        command = sampled.command(plant.time, {name: y[name] for name in measured})
-        y = plant.step(command)
-        rows.append((command, y["current"], y["true_force"], y["stroke"]))
-        said.append(tuple(plant.of_period))
-    return PlantRun(period, np.array(said), *np.array(rows).T)
-
-
 @dataclass(frozen=True, kw_only=True)
 class PlantBench(Bench):
     """Base of benches whose runs are those of a `RowPlant`."""
@@ -85,10 +58,6 @@ class PlantBench(Bench):
     period: float = 5e-3
     timestep: float = 5e-4
     engine: str = "mujoco"
-
-    def plant(self, period: float) -> RowPlant:
-        """The structure with its damper, from its control period, s."""
-        return RowPlant(self.structure, period=period, timestep=self.timestep, engine=self.engine)
 
     def run(self, spec: str, load: Any, amplitude: float) -> dict[str, Any]:
         if spec == UNCONTROLLED:
@@ -105,5 +74,22 @@ class PlantBench(Bench):
 
     def driven(self, controller: Controller, load: Any, amplitude: float) -> dict[str, Any]:
         """What is kept of a controller's run. Raises InputError."""
-        run = run_plant(self.plant, load.scaled(amplitude), controller, self.measured)
+        scaled, every = load.scaled(amplitude), round(controller.period / WINDOW)
+        if every < 1 or abs(every * WINDOW - controller.period) > 1e-9 * WINDOW:
+            every = math.ceil(controller.period / _PART - 1e-9)
+        period = controller.period / every
+        for each in (controller.period, period):
+            require_periods(scaled, each)
+        plant = RowPlant(self.structure, period=period, timestep=self.timestep, engine=self.engine)
+        sampled, measured = ZeroOrderHold(controller, every), self.measured
+        plant.rows.window = WINDOW
+        sampled.reset()
+        y, rows, said = plant.reset(scaled), [], []
+        while not plant.finished:
+            # In a copy of its own.
+            command = sampled.command(plant.time, {name: y[name] for name in measured})
+            y = plant.step(command)
+            rows.append((command, y["current"], y["true_force"], y["stroke"]))
+            said.append(tuple(plant.of_period))
+        run = PlantRun(period, np.array(said), *np.array(rows).T)
         return {**self.kept(run), **run.electric(self.command_unit, self.site.command_max)}

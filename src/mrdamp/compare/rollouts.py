@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import HEADER, RowMoment
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.intp]
 
 #: Perturbation of a state or command, over its size in the run. From 1e-7 to 1e-5 the slopes agree within 1e-4.
@@ -77,7 +77,7 @@ class Rollouts:
             self._place(rows)
 
     def run(self, commands: Array, states: bool = False) -> tuple[Array, Array]:
-        """Channels (n, periods, channels) of commands (n, periods), as `mrdamp.compare.on_rows` samples them: first
+        """Channels (n, periods, channels) of commands (n, periods), as `compare.frame.run_rows` samples them: first
         those at the start, then those after each command but the last; states (n, periods, size) besides, or none."""
         n, plants = len(commands), self.rows(len(commands)).plants
         plants.state[:] = self._state

@@ -3,39 +3,43 @@
 from __future__ import annotations
 
 import json
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from operator import methodcaller
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
-
-import joblib
+from typing import Any, Protocol, TypedDict, Unpack
 
 from mrdamp.compare.bench import digest
 from mrdamp.errors import InputError
+from mrdamp.parallel import mapped
 
 Progress = Callable[[str, float], None]
-Task = TypeVar("Task")
 
 
-class Work(Protocol[Task]):  # type: ignore[misc]
+class How(TypedDict, total=False):
+    """How many runs are made. jobs: processes, 1 by default, -1 for all cores; keep: the file of results that are not
+    made again; progress: called with what is being done and its share."""
+
+    jobs: int
+    keep: Path | None
+    progress: Progress | None
+
+
+class Task(Protocol):
     """What is run: pure, so that any number of processes gives the same."""
 
-    def key(self, task: Task) -> str:
+    def key(self) -> str:
         """Hash of all inputs of the result."""
 
-    def run(self, task: Task) -> dict[str, Any]:
+    def run(self) -> dict[str, Any]:
         """The result, for JSON."""
 
 
-class Kept(Generic[Task]):
-    """Results by key in a file of JSON lines; None keeps them in memory alone. A damaged or
-    changed line is dropped."""
+class Kept(dict[str, dict[str, Any]]):
+    """Results by key in a file of JSON lines; None keeps them in memory alone. A damaged or changed line is dropped."""
 
     def __init__(self, path: Path | None) -> None:
         self.path = path
-        self._found: dict[str, dict[str, Any]] = {}
+        super().__init__()
         if path is None or not path.exists():
             return
         text = path.read_text(encoding="utf-8", errors="replace")
@@ -46,19 +50,13 @@ class Kept(Generic[Task]):
             try:
                 entry = json.loads(line)
                 if entry["result"] and entry["digest"] == digest([entry["key"], entry["result"]]):
-                    self._found[entry["key"]] = entry["result"]
+                    self[entry["key"]] = entry["result"]
             except (ValueError, KeyError, TypeError):
                 continue
 
-    def __contains__(self, key: str) -> bool:
-        return key in self._found
-
-    def __getitem__(self, key: str) -> dict[str, Any]:
-        return self._found[key]
-
     def add(self, key: str, result: dict[str, Any]) -> None:
         """Keep a result. Raises InputError where the file cannot be written."""
-        self._found[key] = result
+        self[key] = result
         if self.path is not None:
             try:
                 with self.path.open("a", encoding="utf-8") as stream:
@@ -68,43 +66,18 @@ class Kept(Generic[Task]):
                 raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
 
 
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Processes that are started here leave Ctrl-C, which the terminal sends to all of them, to this one."""
-    if threading.current_thread() is not threading.main_thread():  # no other may set signals
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def run_all(
-    work: Work[Task],
-    tasks: Sequence[Task],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
-    what: str = "runs",
-) -> list[dict[str, Any]]:
-    """The result of every task, in their order; those that `keep` holds are not run again.
-
-    jobs: processes, -1 for all cores. Raises InputError.
-    """
+def run_all(tasks: Sequence[Task], what: str = "runs", **how: Unpack[How]) -> list[dict[str, Any]]:
+    """The result of every task, in their order; those that `keep` holds are not run again. Raises InputError."""
+    jobs, progress = how.get("jobs", 1), how.get("progress")
     if jobs == 0:
         raise InputError("compare: 0 jobs; allowed: 1 or more, or -1 for all cores")
-    kept: Kept[Task] = Kept(keep)
-    keys = [work.key(task) for task in tasks]
+    kept = Kept(how.get("keep"))
+    keys = [task.key() for task in tasks]
     left = {key: task for key, task in zip(keys, tasks, strict=True) if key not in kept}
     done = len(tasks) - len(left)
     if progress:
         progress(f"{what}: {done} of {len(tasks)} kept", done / max(len(tasks), 1))
-    pool = joblib.Parallel(n_jobs=jobs, return_as="generator")
-    with _uninterrupted():
-        results = pool(joblib.delayed(work.run)(task) for task in left.values())
+    results = mapped(methodcaller("run"), [(task,) for task in left.values()], jobs)
     for key, result in zip(left, results, strict=True):
         kept.add(key, result)
         done += 1

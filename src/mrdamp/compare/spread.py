@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from mrdamp.compare.bench import digest
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import FrameBench
-from mrdamp.compare.runner import Progress, run_all
+from mrdamp.compare.runner import How, run_all
 from mrdamp.compare.tuning import Loops
 from mrdamp.control import registry
 from mrdamp.model import Model
@@ -30,29 +29,22 @@ def scaled(model: Model, part: str, factor: float) -> Model:
 
 
 class _Case(NamedTuple):
-    """A controller, all of its seeds, on one of several structures."""
+    """A controller, all of its seeds, on rows of one of several structures."""
 
-    structure: str
+    bench: FrameBench
     row: Contender
-
-
-@dataclass(frozen=True)
-class _Structures:
-    """Runs on rows of several structures, for `run_all`."""
-
-    benches: Mapping[str, FrameBench]
     loads: tuple[GroundMotion, ...]
     amplitudes: tuple[float, ...]
 
-    def key(self, task: _Case) -> str:
-        cases = itertools.product(task.row.specs, self.loads, self.amplitudes)
-        return digest(["rows", *(self.benches[task.structure].key(*case) for case in cases)])
+    def key(self) -> str:
+        cases = itertools.product(self.row.specs, self.loads, self.amplitudes)
+        return digest(["rows", *(self.bench.key(*case) for case in cases)])
 
-    def run(self, task: _Case) -> dict[str, Any]:
-        bench = self.benches[task.structure]
-        loads = [bench.played(load, a) for load in self.loads for a in self.amplitudes]
-        loops = Loops(bench, loads, len(task.row.specs))
-        found = loops.run([bench.controller(spec) for spec in task.row.specs])
+    def run(self) -> dict[str, Any]:
+        loads = [self.bench.played(load, a) for load in self.loads for a in self.amplitudes]
+        found = Loops(self.bench, loads, len(self.row.specs)).run(
+            [self.bench.controller(spec) for spec in self.row.specs]
+        )
         return {key: values.tolist() for key, values in found.items()}
 
 
@@ -61,16 +53,12 @@ def on_rows(
     rows: Sequence[Contender],
     loads: Sequence[GroundMotion],
     amplitudes: Sequence[float],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> dict[str, Comparison]:
-    """Comparisons on several benches, whose measures are those that make the objective. jobs, keep: see `run_all`."""
+    """Comparisons on several benches, whose measures are those that make the objective."""
     shape = len(loads), len(amplitudes)
-    work = _Structures(benches, tuple(loads), tuple(amplitudes))
-    tasks = [_Case(name, row) for name in benches for row in rows]
-    results = iter(run_all(work, tasks, jobs=jobs, keep=keep, progress=progress, what="structures"))
+    tasks = [_Case(bench, row, tuple(loads), tuple(amplitudes)) for bench in benches.values() for row in rows]
+    results = iter(run_all(tasks, "structures", **how))
     found = {}
     for name, bench in benches.items():
         values = {
@@ -89,14 +77,11 @@ def with_spread(
     result: Comparison,
     loads: Sequence[GroundMotion],
     percent: Sequence[float],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> Comparison:
     """The comparison, with `others`: stiffness and mass less and more by each percentage, on rows of the chain.
 
-    percent: above 0 and below 100. jobs, keep: see `mrdamp.compare.runner.run_all`.
+    percent: above 0 and below 100.
     """
     # An ideal actuator is no damper, and rows have dampers.
     rows = [c for c in result.contenders if not c.bound and not registry.is_ideal(c.specs[0])]
@@ -108,5 +93,5 @@ def with_spread(
         for part in PARTS
         for p in signed
     }
-    others = on_rows(benches, rows, loads, result.amplitudes, jobs=jobs, keep=keep, progress=progress)
+    others = on_rows(benches, rows, loads, result.amplitudes, **how)
     return replace(result, others=others)

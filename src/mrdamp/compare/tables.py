@@ -4,25 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import json
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Container, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.comparison import Comparison
-from mrdamp.compare.shares import by_load, share
 from mrdamp.compare.summary import Summary, difference
 
 Row = tuple[str, ...]
-
-
-def note(bench: Bench) -> str:
-    """What the table of means holds."""
-    over = f"Ratios are over {bench.reference}"
-    if bench.environment == "frame":
-        over = "J1 to J6 and J12 are over the structure without a damper, J11 over its weight"
-    return f"Mean over motions (or loads), amplitudes and seeds, the worst case in parentheses. {over}."
 
 
 def short(value: float) -> str:
@@ -32,96 +24,101 @@ def short(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}"
 
 
-def columns(result: Comparison, unit: str) -> tuple[str, ...]:
-    """Heads of the table of means."""
-    way = ("way to clairvoyant",) if result.bounds else ()
-    return ("controller", *(m.title.format(unit=unit) for m in result.measures), "budget (1e6 periods)", *way)
+class Table(NamedTuple):
+    """heads of the columns, the first of which names the rows; note: what it holds."""
+
+    heads: Row
+    rows: list[Row]
+    note: str = ""
+
+    def markdown(self) -> str:
+        return markdown(self.heads, self.rows)
+
+    def aligned(self) -> str:
+        """Text in columns: the first flush left, the others flush right."""
+        widths = [max(map(len, column)) for column in zip(self.heads, *self.rows, strict=True)]
+        return "\n".join(
+            "  ".join(f"{cell:{'>' if k else '<'}{w}}" for k, (cell, w) in enumerate(zip(row, widths, strict=True)))
+            for row in (self.heads, *self.rows)
+        )
 
 
-def mean_rows(result: Comparison) -> list[Row]:
-    """Means over seeds, motions and amplitudes; the worst case in parentheses for the ratios.
-
-    Where there are bounds, the share of the way to the first one at the end.
-    """
+def means(result: Comparison, bench: Bench, keys: Container[str] | None = None) -> Table:
+    """Means over seeds, motions and amplitudes; the worst case in parentheses for the ratios. keys: of some measures
+    alone; else the budget and, where there are bounds, the share of the way to the first one come behind them."""
+    measures = [m for m in result.measures if keys is None or m.key in keys]
+    heads = ["controller", *(m.title.format(unit=bench.command_unit) for m in measures)]
+    heads += ["budget (1e6 periods)"] if keys is None else []
+    first = next(iter(result.bounds), None) if keys is None else None
+    heads += [] if first is None else ["way to clairvoyant"]
     rows = []
-    first = next(iter(result.bounds), None)
     for c in result.contenders:
-        cells = []
-        for m in result.measures:
+        cells = [c.name]
+        for m in measures:
             s = result.summary(c.name, m.key)
             cells.append(f"{short(s.mean)} ({short(s.worst)})" if m.ratio else short(s.mean))
-        cells.append("–" if c.periods is None or c.bound else f"{c.periods / 1e6:.3g}")
+        if keys is None:
+            cells.append("–" if c.periods is None or c.bound else f"{c.periods / 1e6:.3g}")
         if first is not None:
-            cells.append(short(share(result, c.name, first).mean))
-        rows.append((c.name, *cells))
-    return rows
+            cells.append(short(result.share(c.name, first).mean))
+        rows.append(tuple(cells))
+    over = f"Ratios are over {bench.reference}"
+    if bench.environment == "frame":
+        over = "J1 to J6 and J12 are over the structure without a damper, J11 over its weight"
+    note = f"Mean over motions (or loads), amplitudes and seeds, the worst case in parentheses. {over}."
+    return Table(tuple(heads), rows, note)
 
 
-def interval_rows(result: Comparison, keys: Sequence[str]) -> list[Row]:
-    """Mean and its 95 % interval for some measures."""
-    return [(c.name, *(_spread(result.summary(c.name, key)) for key in keys)) for c in result.contenders]
+def intervals(result: Comparison, titles: Mapping[str, str]) -> Table:
+    """Mean and its 95 % interval for some measures. titles: of them, by key."""
+    rows = [(c.name, *(_spread(result.summary(c.name, key)) for key in titles)) for c in result.contenders]
+    note = "Means with 95 % bootstrap intervals over motions or loads, and over seeds where there are several."
+    return Table(("controller", *titles.values()), rows, note)
 
 
-def claim_rows(result: Comparison, learned: str, keys: Sequence[str]) -> list[Row]:
-    """A learned controller less each other one, with intervals of the paired difference."""
-    return [
-        (c.name, *(_spread(result.against(learned, c.name, key), sign=True) for key in keys))
+def claims(result: Comparison, learned: str, titles: Mapping[str, str]) -> Table:
+    """A learned controller less each other one, with intervals of the paired difference. titles: as of `intervals`."""
+    rows = [
+        (c.name, *(_spread(result.against(learned, c.name, key), sign=True) for key in titles))
         for c in result.contenders
         if c.name != learned
     ]
+    note = "Run by run, with 95 % bootstrap intervals; below zero the learned one has less."
+    return Table(("less", *titles.values()), rows, note)
 
 
-def spread_columns(result: Comparison) -> tuple[str, ...]:
-    """Heads of the table of other structures."""
-    return ("controller", *result.others)
-
-
-def spread_rows(result: Comparison) -> list[Row]:
+def spread(result: Comparison) -> Table:
     """The objective less that of the base on the same structure, with 95 % intervals of the paired difference."""
-    return [
+    rows = [
         (c.name, *(_spread(other.gain(c.name), sign=True) for other in result.others.values()))
         for c in next(iter(result.others.values())).contenders
         if c.name != result.base
     ]
-
-
-def spread_note(result: Comparison) -> str:
-    """What that table holds."""
-    made_of = " and ".join(result.objective)
-    return (
-        f"The mean of {made_of} less that of {result.base} on the same structure, which controllers do not know: "
-        "below 0 a controller keeps a gain."
+    note = (
+        f"The mean of {' and '.join(result.objective)} less that of {result.base} on the same structure, which "
+        "controllers do not know: below 0 a controller keeps a gain."
     )
+    return Table(("controller", *result.others), rows, note)
 
 
-def share_columns(result: Comparison) -> tuple[str, ...]:
-    """Heads of the table of shares."""
-    return ("controller", *(f"way to {name}" for name in result.bounds))
-
-
-def share_rows(result: Comparison) -> list[Row]:
+def shares(result: Comparison) -> Table:
     """Of the way from the base to each bound, with 95 % intervals, over all runs."""
-    return [
-        (c.name, *(_spread(share(result, c.name, bound)) for bound in result.bounds))
-        for c in result.contenders
-    ]
-
-
-def load_share_rows(result: Comparison) -> list[Row]:
-    """Of the way to the first bound, by load: one row a load, one column a controller that is no bound."""
-    first = next(iter(result.bounds))
-    shares = [by_load(result, c.name, first) for c in result.contenders if not c.bound]
-    return [(load, *map(short, values)) for load, *values in zip(result.loads, *shares, strict=True)]
-
-
-def share_note(result: Comparison) -> str:
-    """What the shares are."""
+    rows = [(c.name, *(_spread(result.share(c.name, bound)) for bound in result.bounds)) for c in result.contenders]
     words = "; ".join(f"{name}: {_weighted(weights)}" for name, weights in result.bounds.items())
-    return (
+    note = (
         f"Share of the way from {result.base} (0) to the clairvoyant command (1), a ratio of means over all runs, with "
         f"its 95 % interval. Each bound makes its own measure small: {words} (the mean of several). It is a local "
         "optimum for a motion known in advance: the true limit is as low or lower, the true share as large or smaller."
     )
+    return Table(("controller", *(f"way to {name}" for name in result.bounds)), rows, note)
+
+
+def load_shares(result: Comparison) -> Table:
+    """Of the way to the first bound, by load: one row a load, one column a controller that is no bound."""
+    first, names = next(iter(result.bounds)), [c.name for c in result.contenders if not c.bound]
+    each = [result.load_shares(name, first) for name in names]
+    rows = [(load, *map(short, values)) for load, *values in zip(result.loads, *each, strict=True)]
+    return Table(("load", *names), rows, "The same by load, to the first bound.")
 
 
 def _weighted(weights: Mapping[str, float]) -> str:
@@ -135,9 +132,9 @@ def shares_csv(result: Comparison) -> str:
     lines = []
     for c in result.contenders:
         for bound in result.bounds:
-            s = share(result, c.name, bound)
+            s = result.share(c.name, bound)
             lines.append((c.name, bound, "all", *map(_plain, (s.mean, s.low, s.high))))
-            each = zip(result.loads, by_load(result, c.name, bound), strict=True)
+            each = zip(result.loads, result.load_shares(c.name, bound), strict=True)
             lines += [(c.name, bound, load, _plain(float(value)), "", "") for load, value in each]
     return _csv(("controller", "bound", "load", "share", "low", "high"), lines)
 
@@ -162,25 +159,22 @@ def markdown(heads: Sequence[str], rows: Sequence[Row]) -> str:
 
 def report(result: Comparison, bench: Bench, about: str) -> str:
     """The Markdown page of a comparison."""
-    keys = bench.claimed
-    parts = [
-        f"# Controllers compared\n\n{about}\n",
-        markdown(columns(result, bench.command_unit), mean_rows(result)),
-    ]
-    parts.append(f"{note(bench)}\n\n## 95 % intervals of the means\n")
-    parts.append(markdown(("controller", *keys), interval_rows(result, keys)))
+    keys = {key: key for key in bench.claimed}
+    table = means(result, bench)
+    parts = [f"# Controllers compared\n\n{about}\n", table.markdown()]
+    parts += [f"{table.note}\n\n## 95 % intervals of the means\n", intervals(result, keys).markdown()]
     if result.bounds:
-        parts.append(f"## Way to the clairvoyant command\n\n{share_note(result)}\n")
-        parts.append(markdown(share_columns(result), share_rows(result)))
-        heads = ("load", *(c.name for c in result.contenders if not c.bound))
-        parts.append(markdown(heads, load_share_rows(result)))
+        way = shares(result)
+        parts += [f"## Way to the clairvoyant command\n\n{way.note}\n", way.markdown()]
+        parts.append(load_shares(result).markdown())
     if result.others:
-        parts.append(f"## On structures that are not as controllers are told\n\n{spread_note(result)}\n")
-        parts.append(markdown(spread_columns(result), spread_rows(result)))
+        other = spread(result)
+        parts.append(f"## On structures that are not as controllers are told\n\n{other.note}\n")
+        parts.append(other.markdown())
     for c in result.contenders:
         if c.learned:
             parts.append(f"## {c.name} less the others, 95 % intervals of the paired difference\n")
-            parts.append(markdown(("less", *keys), claim_rows(result, c.name, keys)))
+            parts.append(claims(result, c.name, keys).markdown())
     return "\n".join(parts)
 
 
@@ -215,11 +209,10 @@ def runs_csv(result: Comparison) -> str:
     """One row a run: controller, seed (from 1), motion, amplitude and every measure."""
     lines = []
     for c in result.contenders:
-        for s in range(len(c.specs)):
-            for i, load in enumerate(result.loads):
-                for j, amplitude in enumerate(result.amplitudes):
-                    values = (result.values[c.name][m.key][s, i, j] for m in result.measures)
-                    lines.append((c.name, str(s + 1), load, f"{amplitude:g}", *map(_plain, values)))
+        cases = itertools.product(range(1, len(c.specs) + 1), result.loads, result.amplitudes)
+        values = zip(*(result.values[c.name][m.key].ravel() for m in result.measures), strict=True)
+        for (seed, load, amplitude), row in zip(cases, values, strict=True):
+            lines.append((c.name, str(seed), load, f"{amplitude:g}", *map(_plain, row)))
     return _csv(("controller", "seed", "load", "amplitude", *(m.key for m in result.measures)), lines)
 
 
@@ -229,25 +222,23 @@ def to_json(result: Comparison, unit: str, about: str) -> str:
     def number(value: float) -> float | None:
         return None if math.isnan(value) else value
 
+    def mean_of(each: Mapping[str, Summary]) -> dict[str, Any]:
+        return {name: {key: number(getattr(s, key)) for key in ("mean", "low", "high")} for name, s in each.items()}
+
     rows: dict[str, Any] = {}
     for c in result.contenders:
-        rows[c.name] = {"specs": list(c.specs), "periods": c.periods, "measures": {}}
+        measures = {}
         for m in result.measures:
-            s = result.summary(c.name, m.key)
-            runs = result.values[c.name][m.key]
-            rows[c.name]["measures"][m.key] = {
-                **{key: number(value) for key, value in vars(s).items()},
-                "runs": [[[number(float(v)) for v in line] for line in seed] for seed in runs],
+            runs = result.values[c.name][m.key].tolist()
+            measures[m.key] = {key: number(value) for key, value in vars(result.summary(c.name, m.key)).items()} | {
+                "runs": [[[number(v) for v in line] for line in seed] for seed in runs]
             }
         gains = {name: other.gain(c.name) for name, other in result.others.items() if c.name in other.values}
-        rows[c.name]["spread"] = {
-            name: {key: number(getattr(gain, key)) for key in ("mean", "low", "high")} for name, gain in gains.items()
-        }
-    for name, row in rows.items():
-        shares = {bound: share(result, name, bound) for bound in result.bounds}
-        row["way"] = {
-            b: {key: number(getattr(s, key)) for key in ("mean", "low", "high")} for b, s in shares.items()
-        }
+        way = {bound: result.share(c.name, bound) for bound in result.bounds}
+        rows[c.name] = {
+            "specs": list(c.specs), "periods": c.periods, "measures": measures, "spread": mean_of(gains),
+            "way": mean_of(way),
+        }  # fmt: skip
     head = {"about": about, "command_unit": unit, "loads": result.loads, "amplitudes": result.amplitudes}
     return json.dumps({**head, "controllers": rows}, indent=1) + "\n"
 

@@ -9,16 +9,15 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from scipy.optimize import differential_evolution
 
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Load, digest, score
-from mrdamp.compare.runner import Progress, run_all
+from mrdamp.compare.runner import How, run_all
 from mrdamp.control import registry
-from mrdamp.control.base import Controller
-from mrdamp.control.zero_order_hold import ZeroOrderHold
+from mrdamp.control.base import Controller, ZeroOrderHold
 from mrdamp.envs.task import Task
 from mrdamp.errors import Diverged, InputError
 from mrdamp.files import write_atomic
@@ -35,25 +34,19 @@ _SEED = 47
 class Run(NamedTuple):
     """One run of a bench."""
 
+    bench: Bench
     spec: str
     load: Load
     amplitude: float
 
+    def key(self) -> str:
+        return self.bench.key(self.spec, self.load, self.amplitude)
 
-@dataclass(frozen=True)
-class Runs:
-    """Runs of one bench, for `run_all`."""
-
-    bench: Bench
-
-    def key(self, task: Run) -> str:
-        return self.bench.key(task.spec, task.load, task.amplitude)
-
-    def run(self, task: Run) -> dict[str, Any]:
+    def run(self) -> dict[str, Any]:
         try:
-            return self.bench.run(task.spec, task.load, task.amplitude)
+            return self.bench.run(self.spec, self.load, self.amplitude)
         except Diverged as error:
-            what = f"controller {task.spec} under {task.load.name} at amplitude {task.amplitude:g}"
+            what = f"controller {self.spec} under {self.load.name} at amplitude {self.amplitude:g}"
             raise InputError(f"{what}: {error}") from None
 
 
@@ -72,16 +65,13 @@ def run_grid(
     bench: Bench,
     specs: Sequence[str],
     cases: Sequence[tuple[Load, float]],
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
     what: str = "runs",
+    **how: Unpack[How],
 ) -> dict[str, list[Mapping[str, float]]]:
-    """Every measure of every spec on every case of load and amplitude. jobs, keep: see `run_all`."""
+    """Every measure of every spec on every case of load and amplitude."""
     rows = list(dict.fromkeys([UNCONTROLLED, *specs]))
-    tasks = [Run(spec, load, amplitude) for spec in rows for load, amplitude in cases]
-    found = run_all(Runs(bench), tasks, jobs=jobs, keep=keep, progress=progress, what=what)
+    tasks = [Run(bench, spec, load, amplitude) for spec in rows for load, amplitude in cases]
+    found = run_all(tasks, what, **how)
     parts = [found[k : k + len(cases)] for k in range(0, len(found), len(cases))]
     return {
         spec: [bench.values(kept, without) for kept, without in zip(part, parts[0], strict=True)]
@@ -185,9 +175,10 @@ class Search:
 
     def _start(self) -> Array | None:
         """Among the first points: what the package has for this kind, or for another one with all of these options."""
-        known = [registry.options_of(setting.spec) for setting in (shipped(self.bench) or {}).values()]
+        specs = [setting.spec for setting in (shipped(self.bench) or {}).values()]
+        known = [registry.parse(spec, self.bench.site.options) for spec in specs]
         known.sort(key=lambda found: found[0] != self.kind)
-        for _, options in known:
+        for *_, options in known:
             if set(self.ranges) <= set(options):
                 point = []
                 for name, (low, high) in self.ranges.items():
@@ -219,31 +210,24 @@ class _Spent(Exception):
     """The budget is used up."""
 
 
-@dataclass(frozen=True)
-class _Searches:
-    """Searches on a bench, by kind, for `run_all`."""
+class _Tuning(NamedTuple):
+    """The search for the settings of a kind on a bench."""
 
     bench: Bench
+    kind: str
 
-    def key(self, kind: str) -> str:
-        return digest(["tuning", self.bench.identity(), kind, dict(self.bench.ranges(kind)), self.bench.effort(kind)])
+    def key(self) -> str:
+        bench, kind = self
+        return digest(["tuning", bench.identity(), kind, dict(bench.ranges(kind)), bench.effort(kind)])
 
-    def run(self, kind: str) -> dict[str, Any]:
-        return vars(Search(self.bench, kind).run())
+    def run(self) -> dict[str, Any]:
+        return vars(Search(self.bench, self.kind).run())
 
 
-def tune(
-    bench: Bench,
-    names: Sequence[str] | None = None,
-    *,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
-) -> dict[str, Setting]:
-    """The best setting of each named controller, of all that are tuned by default. keep: see `run_all`."""
+def tune(bench: Bench, names: Sequence[str] | None = None, **how: Unpack[How]) -> dict[str, Setting]:
+    """The best setting of each named controller, of all that are tuned by default."""
     kinds = {name: bench.tuned[name] for name in (bench.tuned if names is None else names)}
-    work = _Searches(bench)
-    found = run_all(work, list(kinds.values()), jobs=jobs, keep=keep, progress=progress, what="tuning")
+    found = run_all([_Tuning(bench, kind) for kind in kinds.values()], "tuning", **how)
     return {name: Setting(**setting) for name, setting in zip(kinds, found, strict=True)}
 
 
@@ -283,9 +267,7 @@ def settings_for(
     anew: bool = False,
     needed: bool = True,
     file: Path | None = None,
-    jobs: int = 1,
-    keep: Path | None = None,
-    progress: Progress | None = None,
+    **how: Unpack[How],
 ) -> dict[str, Setting]:
     """Of the tuned controllers among names: as shipped, as they are in a file, or (anew) tuned now and written there,
     beside what the file has of others.
@@ -297,7 +279,7 @@ def settings_for(
     if not wanted:
         return {}
     if anew:
-        found = tune(bench, wanted, jobs=jobs, keep=keep, progress=progress)
+        found = tune(bench, wanted, **how)
         if file is not None:
             found = (read_settings(file, bench) or {}) | found
             write_atomic(file, json.dumps(to_dict(found, bench), indent=1) + "\n")

@@ -15,51 +15,85 @@ accelerometers by leaky integrators; z_b' - z_w' is measured.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 
 from mrdamp.control import registry
 from mrdamp.control.car_mpc import MpcForce
-from mrdamp.control.car_plant import car_linear, regulated
 from mrdamp.control.clipped_optimal import Lqg
-from mrdamp.control.force_control import Aim, ForceController, Tracking
-from mrdamp.control.plant import Linear
+from mrdamp.control.force_control import Aim, ForceController, Several, Tracking
+from mrdamp.control.plant import Linear, Plant, named_rows
 from mrdamp.control.skyhook import SkyhookForce
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model import Model
+from mrdamp.structures import FloatArray
 from mrdamp.structures.cars import QuarterCar
 
+#: Of white noise on what the Kalman filter gets, per sample: wheel and body, m/s2, stroke, m.
+MEASURED = {"acceleration_1": 0.5, "acceleration_2": 0.05, "stroke": 2e-4}
 
-class Velocities:
-    """Absolute velocities of wheel and body from their accelerometers: v' = a - v / leak, m/s."""
+
+def car_plant(car: QuarterCar) -> Plant:
+    """States z_w - w, z_b - z_w, z_w', z_b'; e (4,) per m/s of the road's velocity, which is white noise on a road of
+    ISO 8608."""
+    a, e, _, _ = car.passive(0.0)
+    return Plant(a, np.array([0.0, 0.0, 1 / car.wheel, -1 / car.body]), e[:, 0])
+
+
+def car_outputs(car: QuarterCar, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Rows c (p, 4) and feedthrough d (p,) of measurements by name. Raises InputError."""
+    linear = car_plant(car)
+    rows = {
+        "acceleration_1": linear.a[2],
+        "acceleration_2": linear.a[3],
+        "drift_1": np.array([1.0, 0.0, 0.0, 0.0]),
+        "stroke": np.array([0.0, 1.0, 0.0, 0.0]),
+        "stroke_velocity": np.array([0.0, 0.0, -1.0, 1.0]),
+    }
+    direct = {"acceleration_1": linear.b[2], "acceleration_2": linear.b[3]}
+    return named_rows(rows, direct, names)
+
+
+def regulated(car: QuarterCar, holding: float, stroke: float) -> dict[str, float]:
+    """Weights of body acceleration, tyre deflection and stroke.
+
+    Each of the last two is weighed against an acceleration of 1 m/s2: holding, per (m_b 1 m/s2 / k_t)^2 of deflection;
+    stroke, per (1 m/s2 over the square of the bounce's frequency)^2.
+    """
+    return {
+        "acceleration_2": 1.0,
+        "drift_1": holding * (car.tyre_stiffness / car.body) ** 2,
+        "stroke": stroke * car.bounce**4,
+    }
+
+
+def car_linear(car: QuarterCar, period: float) -> Linear:
+    """As controllers at a period (s) see it: white noise per sample."""
+    deviation = np.array(list(MEASURED.values())) * math.sqrt(period)
+    rows = partial(car_outputs, car)
+    return Linear(car_plant(car), rows, tuple(MEASURED), regulated(car, 0.3, 0.03), car.bounce, deviation=deviation)
+
+
+class Velocities(Several):
+    """Base of what acts on the absolute velocities of wheel and body, from their accelerometers by v' = a - v / leak.
+
+    leak, period: s.
+    """
 
     def __init__(self, leak: float, period: float) -> None:
-        self._floors = tuple(SkyhookForce(floor, 1.0, 1.0, leak, period) for floor in (1, 2))
+        super().__init__([SkyhookForce(floor, 1.0, 1.0, leak, period) for floor in (1, 2)])
 
-    def reset(self) -> None:
-        for floor in self._floors:
-            floor.reset()
-
-    def __call__(self, t: float, y: Mapping[str, float]) -> tuple[float, float]:
-        """Of wheel and body."""
-        wheel, body = (floor(t, y) for floor in self._floors)
+    def velocities(self, t: float, y: Mapping[str, float]) -> tuple[float, float]:
+        """Of wheel and body, m/s."""
+        wheel, body = (floor(t, y) for floor in self.parts)
         return wheel, body
 
 
-class _FromVelocities:
-    """Base of what acts on `Velocities`. leak, period: s."""
-
-    def __init__(self, leak: float, period: float) -> None:
-        self._velocities = Velocities(leak, period)
-
-    def reset(self) -> None:
-        self._velocities.reset()
-
-
-class HookForce(_FromVelocities):
+class HookForce(Velocities):
     """Wanted force share c z_b' - (1 - share) c z_w'. damping: c, N s/m; share: 1 skyhook, 0 groundhook."""
 
     def __init__(self, damping: float, share: float, leak: float, period: float) -> None:
@@ -70,7 +104,7 @@ class HookForce(_FromVelocities):
         self.damping, self.share = damping, share
 
     def __call__(self, t: float, y: Mapping[str, float]) -> float:
-        wheel, body = self._velocities(t, y)
+        wheel, body = self.velocities(t, y)
         return self.damping * (self.share * body - (1 - self.share) * wheel)
 
 
@@ -78,7 +112,7 @@ class HookForce(_FromVelocities):
 Switch = Callable[[float, float, float, float], bool]
 
 
-class Switching(_FromVelocities):
+class Switching(Velocities):
     """On/off control by a `Switch`. command_max: A or V; leak, period: s."""
 
     def __init__(self, name: str, switch: Switch, command_max: float, leak: float, period: float) -> None:
@@ -87,7 +121,7 @@ class Switching(_FromVelocities):
         self._switch, self._on = switch, command_max
 
     def command(self, t: float, y: Mapping[str, float]) -> float:
-        wheel, body = self._velocities(t, y)
+        wheel, body = self.velocities(t, y)
         return self._on * self._switch(wheel, body, y["stroke_velocity"], y["acceleration_2"])
 
 

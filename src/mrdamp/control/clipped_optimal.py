@@ -8,7 +8,7 @@ Dyke, Spencer, Sain and Carlson, Smart Materials and Structures 5 (1996) 565-575
     v  = v_max H((fc - f) f)                                            (clipping)
 
 H is the unit step: the field is on where the damper's force has the sign of the wanted one and
-is smaller. Departure: the filter is stepped as in mrdamp.control.estimator, where the paper had a
+is smaller. Departure: the filter is stepped as in mrdamp.control.lqg, where the paper had a
 digital controller of its own.
 """
 
@@ -19,11 +19,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-import numpy as np
-
-from mrdamp.control.estimator import Estimator
 from mrdamp.control.force_control import Direct, ForceController, Modulated, OnOff, Tracking, for_each
-from mrdamp.control.lqg import regulator_gain
+from mrdamp.control.lqg import Estimator, regulator_gain
 from mrdamp.control.plant import Linear, linear
 from mrdamp.errors import InputError, require_positive
 from mrdamp.structures import FloatArray, ShearFrame
@@ -78,15 +75,12 @@ class Lqg(TypedDict, total=False):
 def optimal_force(structure: ShearFrame | Linear, period: float = 1e-3, **lqg: Unpack[Lqg]) -> OptimalForce:
     """The LQG force of a structure; see `kalman_gain` for the noise. period: s; lqg: options. Raises InputError."""
     regulate, s = lqg.get("regulate"), linear(structure)
-    weights = dict(s.regulated if regulate is None else regulate)
+    weights = s.regulated if regulate is None else regulate
     r, noise_ratio = lqg.get("r", 1e-17), lqg.get("noise_ratio", 50.0)
     require_positive("clipped_optimal", r=r, noise_ratio=noise_ratio, period=period)
-    if not weights or any(not 0 <= w < math.inf for w in weights.values()) or not any(weights.values()):
-        raise InputError(f"clipped_optimal: regulate is {weights}; allowed: weights >= 0, one of them > 0")
+    regulated = s.weighted("clipped_optimal: regulate is", weights)
     filtered = estimator(s, noise_ratio, period, lqg.get("measurements"))
-    regulated, through = s.outputs(tuple(weights))
-    gain = regulator_gain(s.plant.a, s.plant.b, regulated, through, np.array(list(weights.values())), r)
-    return OptimalForce(gain, filtered)
+    return OptimalForce(regulator_gain(s.plant.a, s.plant.b, *regulated, r), filtered)
 
 
 def clipped_optimal(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from mrdamp.control.base import OWN, of_damper
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import require_positive
 
 if TYPE_CHECKING:
     from mrdamp.inverse import Inverse
@@ -48,8 +48,7 @@ class ForceController:
     """
 
     def __init__(self, aim: Aim, follower: Follower, period: float, name: str) -> None:
-        if not 0 < period < math.inf:
-            raise InputError(f"controller {name}: period is {period}; allowed: a finite number > 0 s")
+        require_positive(f"controller {name}", period=period)
         self.aim, self.follower = aim, follower
         self.period, self.name = period, name
         self.wanted = 0.0
@@ -69,18 +68,29 @@ def clip(wanted: float, force: float, command_max: float) -> float:
     return command_max * ((wanted - force) * force > 0)
 
 
-class Each:
-    """A follower for each of several dampers, whose wanted forces come together (m,)."""
+class Several:
+    """Parts that forget the past together."""
 
-    def __init__(self, followers: Sequence[Follower]) -> None:
-        self.followers = tuple(followers)
+    def __init__(self, parts: Sequence[Any]) -> None:
+        self.parts = tuple(parts)
 
     def reset(self) -> None:
-        for follower in self.followers:
-            follower.reset()
+        for part in self.parts:
+            part.reset()
+
+
+class Aims(Several):
+    """An aim for each of several dampers: their wanted forces (m,)."""
+
+    def __call__(self, t: float, y: Mapping[str, float]) -> Any:
+        return np.array([aim(t, y) for aim in self.parts])
+
+
+class Each(Several):
+    """A follower for each of several dampers, whose wanted forces come together (m,)."""
 
     def __call__(self, wanted: Any, t: float, y: Mapping[str, float]) -> Any:
-        return np.array([f(wanted[k], t, of_damper(y, k)) for k, f in enumerate(self.followers)])
+        return np.array([f(wanted[k], t, of_damper(y, k)) for k, f in enumerate(self.parts)])
 
 
 def for_each(make: Callable[[], Follower], dampers: int) -> Follower:
@@ -95,7 +105,7 @@ class Resisting:
     command_max: float
 
     def __post_init__(self) -> None:
-        require_positive("controller", command_max=self.command_max)
+        require_positive("controller", **vars(self))
 
     def reset(self) -> None:
         """Nothing to forget."""
@@ -105,41 +115,25 @@ class Resisting:
 
 
 @dataclass(frozen=True)
-class OnOff:
+class OnOff(Resisting):
     """Clipping: the full command where the force has the sign of the wanted one and is smaller, else none.
 
     Dyke, Spencer, Sain and Carlson 1996, doi 10.1088/0964-1726/5/5/006, eq. (12). command_max: A or V.
     """
-
-    command_max: float
-
-    def __post_init__(self) -> None:
-        require_positive("controller", command_max=self.command_max)
-
-    def reset(self) -> None:
-        """Nothing to forget."""
 
     def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> float:
         return clip(wanted, y["force"], self.command_max)
 
 
 @dataclass(frozen=True)
-class Modulated:
+class Modulated(Resisting):
     """Clipping with a command in proportion to the wanted force: command_max min(1, |fc| / force_max) or none.
 
     Yoshida and Dyke, J. Eng. Mech. 130 (2004) 386-392, doi 10.1061/(ASCE)0733-9399(2004)130:4(386).
     command_max: A or V; force_max: N, the force at which the full command is reached.
     """
 
-    command_max: float
     force_max: float
-
-    def __post_init__(self) -> None:
-        require_positive("controller", command_max=self.command_max)
-        require_positive("controller", force_max=self.force_max)
-
-    def reset(self) -> None:
-        """Nothing to forget."""
 
     def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> float:
         share = np.minimum(1.0, abs(wanted) / self.force_max)

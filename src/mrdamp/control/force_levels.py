@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, refuse
 from mrdamp.model import Model, core
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 _COMMANDS = 17
 _REACH = 10.0  # of a wanted force over the damper's, for on/off
@@ -40,22 +39,18 @@ class ForceLevels:
     def __post_init__(self) -> None:
         for name in ("commands", "forces", "damping"):
             object.__setattr__(self, name, tuple(float(v) for v in getattr(self, name)))
-        c, f = np.array(self.commands), np.array(self.forces)
+        c, f, d = np.array(self.commands), np.array(self.forces), np.array(self.damping)
         if len(c) < 2 or len(c) != len(f) or not np.isfinite(np.concatenate([c, f])).all():
-            raise InputError(
-                f"force levels: {len(c)} commands, {len(f)} forces; at least 2, finite, as many of each"
-            )
-        if c[0] != 0 or (np.diff(c) <= 0).any() or f[0] < 0 or (np.diff(f) < 0).any() or f[-1] <= f[0]:
-            raise InputError("force levels: commands must rise from 0, forces must not fall and must differ")
-        d = np.array(self.damping)
-        if not 0 <= self.speed < math.inf:
-            raise InputError(f"force levels: speed is {self.speed}; allowed: a number >= 0, m/s")
-        if len(d) and self.release:
-            raise InputError("force levels: damping and release; allowed: one of them")
-        if len(d) and (len(d) != len(c) or not np.isfinite(d).all() or d[0] < 0 or (np.diff(d) < 0).any()):
-            raise InputError(
-                f"force levels: damping is {self.damping}; allowed: none, or {len(c)} numbers >= 0 that do not fall"
-            )
+            raise InputError(f"force levels: {len(c)} commands, {len(f)} forces; at least 2, finite, as many of each")
+        refuse(
+            "force levels",
+            (c[0] != 0 or (np.diff(c) <= 0).any() or f[0] < 0 or (np.diff(f) < 0).any() or f[-1] <= f[0],
+             "commands must rise from 0, forces must not fall and must differ"),
+            (not 0 <= self.speed < math.inf, f"speed is {self.speed}; allowed: a number >= 0, m/s"),
+            (len(d) and self.release, "damping and release; allowed: one of them"),
+            (len(d) and (len(d) != len(c) or not np.isfinite(d).all() or d[0] < 0 or (np.diff(d) < 0).any()),
+             f"damping is {self.damping}; allowed: none, or {len(c)} numbers >= 0 that do not fall"),
+        )  # fmt: skip
 
     @property
     def force_max(self) -> float:
@@ -124,13 +119,7 @@ class ForceLevels:
     def from_dict(cls, data: Mapping[str, Any]) -> ForceLevels:
         """From `to_dict`. Raises InputError."""
         try:
-            release, damping = bool(data.get("release", False)), tuple(data.get("damping", ()))
-            return cls(
-                tuple(data["commands"]),
-                tuple(data["forces"]),
-                release,
-                damping,
-                float(data.get("speed", 0.0)),
-            )
+            release, speed = bool(data.get("release", False)), float(data.get("speed", 0.0))
+            return cls(data["commands"], data["forces"], release, data.get("damping", ()), speed)
         except (TypeError, KeyError, ValueError) as error:
             raise InputError(f"force levels: {error}") from None

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from mrdamp.control.estimator import Estimator
+from mrdamp.control.lqg import Estimator
 from mrdamp.control.observe import LinearFilter, Observer
 from mrdamp.control.plant import Plant, outputs, plant
 from mrdamp.errors import InputError, require_positive

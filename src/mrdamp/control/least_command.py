@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,7 @@ class LeastCommand:
 
     def to_dict(self) -> dict[str, float]:
         """For JSON."""
-        return {"level": self.level, "fade": self.fade, "full": self.full, "rise": self.rise}
+        return asdict(self)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> LeastCommand:

@@ -10,7 +10,6 @@ The structure's energy as V gives maximum dissipation: the field is on wherever 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -18,8 +17,8 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from mrdamp.control.base import sensor_name
 from mrdamp.control.clipped_optimal import OptimalForce, estimator
-from mrdamp.control.estimator import Estimator
 from mrdamp.control.force_control import ForceController, Resisting, for_each
+from mrdamp.control.lqg import Estimator
 from mrdamp.control.plant import Linear, linear
 from mrdamp.errors import InputError, require_positive
 from mrdamp.structures import FloatArray, ShearFrame
@@ -38,14 +37,11 @@ def bang_bang(
 
 def lyapunov_matrix(structure: ShearFrame | Linear, weights: Mapping[str, float]) -> FloatArray:
     """P (2N, 2N) of a^T P + P a = -c^T diag(weights) c, c the named outputs' rows. Raises InputError."""
-    if not weights or any(not 0 <= w < math.inf for w in weights.values()) or not any(weights.values()):
-        raise InputError(f"lyapunov: weights are {dict(weights)}; allowed: weights >= 0, one of them > 0")
     s = linear(structure)
-    a = s.plant.a
+    a, (c, _, q) = s.plant.a, s.weighted("lyapunov: weights are", weights)
     if np.linalg.eigvals(a).real.max() >= 0:
         raise InputError("lyapunov: the structure has a mode without damping; no such function is found")
-    c, _ = s.outputs(tuple(weights))
-    return np.asarray(solve_continuous_lyapunov(a.T, -c.T @ (np.array(list(weights.values()))[:, None] * c)))
+    return np.asarray(solve_continuous_lyapunov(a.T, -c.T @ (q[:, None] * c)))
 
 
 def lyapunov(

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 #: What a memory holds between two calls: output and cell, (n, hidden) each.
 State = tuple[Array, Array]
 

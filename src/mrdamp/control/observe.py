@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, refuse
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 Observation = NDArray[np.float32]
 
 
@@ -38,10 +38,7 @@ class LinearFilter:
                 raise InputError(f"observer: filter: {name} is not rows of numbers") from None
             object.__setattr__(self, name, rows)
         step, before, now = self.matrices
-        fits = step.shape == (len(step), len(step)) and before.shape == now.shape == (
-            len(step),
-            before.shape[-1],
-        )
+        fits = step.shape == (len(step), len(step)) and before.shape == now.shape == (len(step), before.shape[-1])
         if not len(step) or not fits or not all(np.isfinite(m).all() for m in (step, before, now)):
             raise InputError(
                 f"observer: filter: {step.shape}, {before.shape}, {now.shape} do not fit together"
@@ -107,26 +104,21 @@ class Observer:
             object.__setattr__(self, name, tuple(float(v) for v in np.atleast_1d(getattr(self, name))))
         object.__setattr__(self, "signals", tuple(self.signals))
         object.__setattr__(self, "peaks", {name: float(v) for name, v in dict(self.peaks).items()})
-        if not self.signals or len(set(self.signals)) != len(self.signals):
-            raise InputError(f"observer: signals is {self.signals}; allowed: at least one name, each once")
-        if len(self.scales) != len(self.signals):
-            raise InputError(f"observer: {len(self.scales)} scales for {len(self.signals)} signals")
-        for name in ("scales", "command_max", "memory"):
-            if not all(0 < v < math.inf for v in getattr(self, name)):
-                raise InputError(f"observer: {name} is {getattr(self, name)}; allowed: numbers > 0")
-        for name, periods in self.peaks.items():
-            if name not in self.signals or not 0 < periods < math.inf:
-                raise InputError(f"observer: peaks is {self.peaks}; allowed: signals, and numbers > 0")
-        if self.filter is not None and self.filter.matrices[1].shape[1] != len(self.signals):
-            raise InputError(f"observer: the filter is not of {len(self.signals)} signals")
-        if (
-            isinstance(self.history, bool)
-            or not isinstance(self.history, int)
-            or not 1 <= self.history <= 1000
-        ):
-            raise InputError(f"observer: history is {self.history!r}; allowed: 1 to 1000 control periods")
-        if not 0 < self.limit < math.inf:
-            raise InputError(f"observer: limit is {self.limit}; allowed: a number > 0")
+        refuse(
+            "observer",
+            (not self.signals or len(set(self.signals)) != len(self.signals),
+             f"signals is {self.signals}; allowed: at least one name, each once"),
+            (len(self.scales) != len(self.signals), f"{len(self.scales)} scales for {len(self.signals)} signals"),
+            *((not all(0 < v < math.inf for v in values), f"{name} is {values}; allowed: numbers > 0")
+              for name in ("scales", "command_max", "memory") for values in (getattr(self, name),)),
+            (not all(name in self.signals and 0 < periods < math.inf for name, periods in self.peaks.items()),
+             f"peaks is {self.peaks}; allowed: signals, and numbers > 0"),
+            (self.filter is not None and self.filter.matrices[1].shape[1] != len(self.signals),
+             f"the filter is not of {len(self.signals)} signals"),
+            (type(self.history) is not int or not 1 <= self.history <= 1000,
+             f"history is {self.history!r}; allowed: 1 to 1000 control periods"),
+            (not 0 < self.limit < math.inf, f"limit is {self.limit}; allowed: a number > 0"),
+        )  # fmt: skip
 
     @property
     def width(self) -> int:
@@ -243,17 +235,9 @@ class Observer:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {
-            "signals": list(self.signals),
-            "scales": list(self.scales),
-            "history": self.history,
-            "action_in_observation": self.action_in_observation,
-            "command_max": list(self.command_max),
-            "limit": self.limit,
-            "memory": list(self.memory),
-            "peaks": dict(self.peaks),
-            "filter": self.filter.to_dict() if self.filter else None,
-        }
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        plain = {name: list(value) if isinstance(value, tuple) else value for name, value in own.items()}
+        return plain | {"peaks": dict(self.peaks), "filter": self.filter.to_dict() if self.filter else None}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Observer:

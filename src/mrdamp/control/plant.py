@@ -6,7 +6,7 @@ is an input here, as a controller that measures it may treat it.
 
 from __future__ import annotations
 
-import re
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -56,6 +56,14 @@ class Linear:
         return 1 if self.plant.b.ndim == 1 else self.plant.b.shape[1]
 
 
+    def weighted(self, what: str, weights: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rows c, feedthrough d and weights (p,) of the outputs that have one. what: they are, for messages. Raises
+        InputError."""
+        if not weights or any(not 0 <= w < math.inf for w in weights.values()) or not any(weights.values()):
+            raise InputError(f"{what} {dict(weights)}; allowed: weights >= 0, one of them > 0")
+        return *self.outputs(tuple(weights)), np.array(list(weights.values()))
+
+
 def linear(structure: ShearFrame | Linear) -> Linear:
     """Of a frame: what Dyke's filter got, all floor accelerations and `displacement_1`; regulated is the top floor's
     absolute acceleration. The dashpot would damp a rigid frame with the first frequency with a ratio of one half.
@@ -93,31 +101,17 @@ def outputs(frame: ShearFrame, names: Sequence[str]) -> tuple[FloatArray, FloatA
     Absolute accelerations are M^-1 (Gamma f - K x - C x'): the ground's own does not appear.
     `drift_j` (m) may be named too. Raises InputError on a name the frame does not have.
     """
-    n = frame.storeys
-    linear = plant(frame)
-    c = np.zeros((len(names), 2 * n))
-    d = np.zeros((len(names), *linear.b.shape[1:]))
-    strokes = {sensor_name("stroke", k): gamma for k, gamma in enumerate(np.reshape(frame.gamma, (n, -1)).T)}
-    for row, name in enumerate(names):
-        match = re.fullmatch(r"(acceleration|displacement|drift)_([1-9]\d*)", name)
-        floor = int(match.group(2)) - 1 if match else 0
-        if name in strokes:
-            c[row, :n] = -strokes[name]
-        elif name.replace("_velocity", "") in strokes:
-            c[row, n:] = -strokes[name.replace("_velocity", "")]
-        elif match is None or floor >= n:
-            raise InputError(
-                f"measurement {name!r} is unknown; allowed: acceleration_i, displacement_i, drift_i "
-                f"with i = 1..{n}, stroke, stroke_velocity"
-            )
-        elif match.group(1) == "acceleration":
-            c[row] = linear.a[n + floor]
-            d[row] = linear.b[n + floor]
-        else:
-            c[row, floor] = 1.0
-            if match.group(1) == "drift" and floor > 0:
-                c[row, floor - 1] = -1.0
-    return c, d
+    n, linear = frame.storeys, plant(frame)
+    none, unit = np.zeros(n), np.eye(n)
+    rows, direct = {}, {}
+    for k, gamma in enumerate(np.reshape(frame.gamma, (n, -1)).T):
+        rows[sensor_name("stroke", k)] = np.append(-gamma, none)
+        rows[sensor_name("stroke_velocity", k)] = np.append(none, -gamma)
+    for j in range(n):
+        rows[f"acceleration_{j + 1}"], direct[f"acceleration_{j + 1}"] = linear.a[n + j], linear.b[n + j]
+        rows[f"displacement_{j + 1}"] = np.append(unit[j], none)
+        rows[f"drift_{j + 1}"] = np.append(unit[j] - unit[j - 1] if j else unit[j], none)
+    return named_rows(rows, direct, names)
 
 
 def plant_of(system: Mechanics) -> Plant:
@@ -139,9 +133,16 @@ def outputs_of(
     for place, at in places.items():
         rows[f"displacement_{place}"], rows[f"velocity_{place}"] = np.append(at, none), np.append(none, at)
         rows[f"acceleration_{place}"] = at @ system.rate
-        direct[f"acceleration_{place}"] = float(at @ system.push[:, 0])
+        direct[f"acceleration_{place}"] = np.asarray(at @ system.push[:, 0])
     rows |= {name: np.append(row, none) for name, row in more.items()}
-    unknown = [name for name in names if name not in rows]
-    if unknown:
+    return named_rows(rows, direct, names)
+
+
+def named_rows(
+    rows: Mapping[str, FloatArray], direct: Mapping[str, FloatArray], names: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Rows c (p, n) and feedthrough d, 0 by default, by name. Raises InputError for one that is not there."""
+    if unknown := [name for name in names if name not in rows]:
         raise InputError(f"measurement {unknown[0]!r} is unknown; allowed: {', '.join(rows)}")
-    return np.array([rows[name] for name in names]), np.array([direct.get(name, 0.0) for name in names])
+    none = np.zeros_like(next(iter(direct.values()), np.zeros(())))
+    return np.array([rows[name] for name in names]), np.array([direct.get(name, none) for name in names])

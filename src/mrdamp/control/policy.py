@@ -24,16 +24,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrdamp.control.base import OWN, sensor_name
+from mrdamp.control.base import OWN, Unlagged, sensor_name
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Memory, Network, State, matrix, rows
 from mrdamp.control.observe import Observer
-from mrdamp.control.unlagged import Unlagged
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import InputError, refuse, require_positive
 from mrdamp.files import read_json, write_atomic
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 #: A list of numbers as `json.dumps` indents it.
 _ROW = re.compile(r"\[\n([-+.\deE,\s]+)\]")
 
@@ -78,42 +77,36 @@ class Policy:
         command_lag: float | None = None,
     ) -> None:
         require_positive(f"policy {name}", period=period, command_max=command_max, reach=reach)
-        self.dampers, outputs = len(observer.command_max), len(network.layers[-1][1])
-        if self.dampers > 1 and (outputs != self.dampers or (levels, least) != (None, None) or teacher is not None):
-            raise InputError(
-                f"policy {name}: it is for {self.dampers} dampers; allowed: a command of each, without levels, least "
-                "command and teacher"
-            )
-        if outputs > max(2, self.dampers):
-            raise InputError(f"policy {name}: its network has more than two outputs; allowed: one or two")
-        if levels is not None and "force" not in observer.signals:
-            raise InputError(f"policy {name}: its action is a force, and its observer sees no force")
-        if levels is not None and levels.damping and VELOCITY not in observer.signals:
-            raise InputError(
-                f"policy {name}: its force levels have damping, and its observer sees no {VELOCITY}"
-            )
-        if least is not None and "force" not in observer.peaks:
-            raise InputError(f"policy {name}: it has a least command, and its observer no peak of the force")
-        inputs = memory.inputs if memory is not None else network.inputs
-        seen = (len(transform), observer.size)
-        fits = network.inputs == (memory.cells if memory is not None else inputs)
-        if not fits or seen != (inputs, transform.shape[-1]):
-            raise InputError(
-                f"policy {name}: observer, transform {transform.shape} and network do not fit together"
-            )
-        self.name, self.period, self.observer = name, period, observer
-        self.whose = f"policy {name}"
-        self.transform, self.network = transform, network
+        self.name, self.period, self.observer, self.whose = name, period, observer, f"policy {name}"
+        self.transform, self.network, self.memory = transform, network, memory
         self.command_max, self.levels, self.least = command_max, levels, least
-        if teacher is not None and teacher.shape != (inputs,):
-            raise InputError(f"policy {name}: teacher has {teacher.shape} weights; allowed: ({inputs},)")
-        self.teacher, self.reach, self.memory = teacher, reach, memory
-        self.ahead = {name: float(s) for name, s in dict(ahead or {}).items()}
-        unseen = [name for name in self.ahead if name not in observer.signals]
-        if unseen or not np.isfinite(list(self.ahead.values())).all():
-            raise InputError(f"policy {name}: ahead is {self.ahead}; allowed: observed signals, and seconds")
-        if command_lag is not None and not 0 <= command_lag < math.inf:
-            raise InputError(f"policy {name}: command_lag is {command_lag}; allowed: a number >= 0, s")
+        self.teacher, self.reach = teacher, reach
+        self.ahead = {signal: float(s) for signal, s in dict(ahead or {}).items()}
+        self.dampers, outputs = len(observer.command_max), len(network.layers[-1][1])
+        more = outputs != self.dampers or (levels, least) != (None, None) or teacher is not None
+        inputs = memory.inputs if memory is not None else network.inputs
+        fits = network.inputs == (memory.cells if memory is not None else inputs)
+        seconds = np.array(list(self.ahead.values()))
+        refuse(
+            self.whose,
+            (self.dampers > 1 and more,
+             f"it is for {self.dampers} dampers; allowed: a command of each, no levels, least command and teacher"),
+            (outputs > max(2, self.dampers), "its network has more than two outputs; allowed: one or two"),
+            (levels is not None and "force" not in observer.signals,
+             "its action is a force, and its observer sees no force"),
+            (levels is not None and levels.damping and VELOCITY not in observer.signals,
+             f"its force levels have damping, and its observer sees no {VELOCITY}"),
+            (least is not None and "force" not in observer.peaks,
+             "it has a least command, and its observer no peak of the force"),
+            (not fits or (len(transform), observer.size) != (inputs, transform.shape[-1]),
+             f"observer, transform {transform.shape} and network do not fit together"),
+            (teacher is not None and teacher.shape != (inputs,),
+             f"teacher has {getattr(teacher, 'shape', ())} weights; allowed: ({inputs},)"),
+            (not set(self.ahead) <= set(observer.signals) or not np.isfinite(seconds).all(),
+             f"ahead is {self.ahead}; allowed: observed signals, and seconds"),
+            (command_lag is not None and not 0 <= command_lag < math.inf,
+             f"command_lag is {command_lag}; allowed: a number >= 0, s"),
+        )  # fmt: skip
         self.command_lag, self._added = command_lag, 0.0
         self._unlagged = Unlagged(period, 0.0)
         self.about = dict(about or {})

@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -115,6 +114,14 @@ class AnySite(ABC):
         return LawInverse(self.damper, self.period, commands=(0.0, self.command_max))
 
 
+def largest_command(model: Model) -> float:
+    """A or V. Raises InputError where the model has none."""
+    largest = model.attributes.get("command_max", math.nan)
+    if not 0 < largest < math.inf:
+        raise InputError(f"{model.name}: no command_max among its parameters; give the largest command")
+    return largest
+
+
 def largest_force(damper: Model, command: float) -> float:
     """N at a command, the size of a damper's forces: of one moved at 0.1 m/s through 1 cm."""
     dt, n = 1e-3, 200
@@ -141,14 +148,11 @@ class Site(AnySite):
         """From a model of the rig `frame`, its frame with what it can hold of the effects. Raises InputError."""
         if model.structure is None:
             raise InputError(f"{model.name}: rig damper has no frame")
-        largest = model.attributes.get("command_max", math.nan)
-        if not 0 < largest < math.inf:
-            raise InputError(f"{model.name}: no command_max among its parameters; give the largest command")
         own = tuple(e for e in model.effects if e.place is None)
         damper = replace(model, rig="damper", structure=None, effects=own)
         held, s = model.frame, model.structure
         frame = ShearFrame(held.mass, held.stiffness, held.damping, s.damper_between, s.others)
-        return cls(frame, damper, largest, period)
+        return cls(frame, damper, largest_command(model), period)
 
     @cached_property
     def force_max(self) -> float:  # type: ignore[override]
@@ -270,19 +274,6 @@ def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) 
     return kind, "", options
 
 
-def options_of(spec: str) -> tuple[str, Options]:
-    """Kind and options of what `spec` wrote."""
-    kind, _, rest = spec.partition(":")
-    return kind, {key: float(value) for key, _, value in (part.partition("=") for part in rest.split(",") if part)}
-
-
-def policy(path: str) -> Controller:
-    """An exported policy. Raises InputError."""
-    from mrdamp.control.policy import Policy
-
-    return Policy.read(Path(path))
-
-
 def make(spec: str, site: AnySite) -> Controller:
     """The controller of a spec for a site, as it is: see `mrdamp.control.told` for one that is compared.
 
@@ -290,7 +281,9 @@ def make(spec: str, site: AnySite) -> Controller:
     """
     kind, path, options = parse(spec, site.options)
     if kind == POLICY:
-        return policy(path)
+        from mrdamp.control.policy import Policy
+
+        return Policy.read(path)
     o = {**site.options[kind], **options}
     build = site.builders().get(kind) or BUILDERS[kind][0]
     return _at_least(build(site, o), o.get("weak", 0.0), site)

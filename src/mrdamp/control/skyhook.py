@@ -8,12 +8,9 @@ follows from the floor's accelerometer by a leaky integrator, v' = a - v / tau, 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
-import numpy as np
-
-from mrdamp.control.force_control import Aim, Follower, ForceController, OnOff, for_each
+from mrdamp.control.force_control import Aims, Follower, ForceController, OnOff, for_each
 from mrdamp.control.plant import Linear, linear
 from mrdamp.errors import require_positive
 from mrdamp.structures import ShearFrame
@@ -47,20 +44,6 @@ class SkyhookForce:
         return self.gain * self.velocity
 
 
-class Several:
-    """An aim for each of several dampers: their wanted forces (m,)."""
-
-    def __init__(self, aims: Sequence[Aim]) -> None:
-        self.aims = tuple(aims)
-
-    def reset(self) -> None:
-        for aim in self.aims:
-            aim.reset()
-
-    def __call__(self, t: float, y: Mapping[str, float]) -> Any:
-        return np.array([aim(t, y) for aim in self.aims])
-
-
 def skyhook(
     structure: ShearFrame | Linear,
     command_max: float,
@@ -78,5 +61,5 @@ def skyhook(
     s = linear(structure)
     c, tau = s.dashpot if damping is None else damping, 2 * math.pi / s.first if leak is None else leak
     aims = [SkyhookForce(number, sign, c, tau, period) for number, sign in s.hooks]
-    aim = aims[0] if len(aims) == 1 else Several(aims)
+    aim = aims[0] if len(aims) == 1 else Aims(aims)
     return ForceController(aim, follower or for_each(lambda: OnOff(command_max), len(aims)), period, name)

@@ -126,11 +126,11 @@ def semi_active(
     return math.sqrt(mean[0]), math.sqrt(mean[1])
 
 
-def reference_result(cable: ControlledCable, *, period: float, r: float = 1e-3, seed: int = 0) -> CableResult:
-    """The published comparison of one cable; arguments as for `semi_active` and `optimal_gain`."""
+def reference_result(cable: ControlledCable, *, period: float, seed: int = 0) -> CableResult:
+    """The published comparison of one cable; arguments as for `semi_active`."""
     c = cable.best_viscous()
     best, best_force = cable.rms(c * cable.velocity_row)
-    gain = cable.optimal_gain(r)
+    gain = cable.optimal_gain()
     motion, force = semi_active(cable, gain, period=period, seed=seed)
     return CableResult(
         best_viscous=c,

@@ -20,12 +20,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mrdamp.control.base import Controller
+from mrdamp.control.base import Controller, Unlagged
 from mrdamp.control.policy import Policy
 from mrdamp.control.registry import AnySite
 from mrdamp.control.registry import Site as FrameSite
-from mrdamp.control.unlagged import Unlagged
-from mrdamp.errors import InputError, MrdampError
+from mrdamp.errors import InputError, MrdampError, first_line
 from mrdamp.model import Model
 from mrdamp.simulation.rows import finite
 
@@ -82,11 +81,6 @@ def _place(error: BaseException) -> str:
     own = traceback.extract_tb(error.__traceback__)[1:]
     lines = [f.lineno for f in own if f.filename == own[0].filename]
     return f" ({Path(own[0].filename).name}, line {lines[-1]})" if lines else ""
-
-
-def first_line(error: BaseException) -> str:
-    """Of its message."""
-    return (str(error).splitlines() or [""])[0]
 
 
 def told(build: Callable[[Site], Controller], site: Site, name: str = "") -> Told:

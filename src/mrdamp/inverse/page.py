@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from mrdamp.files import write_atomic
 from mrdamp.inverse.trial import Trial
-from mrdamp.pictures.tracking import force_tracking
+from mrdamp.pictures.damper import force_tracking
 from mrdamp.report import Page
 
 _KINDS: Mapping[str, str] = {

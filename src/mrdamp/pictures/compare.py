@@ -1,4 +1,5 @@
-"""Pictures of controllers compared over many motions: means with intervals, drift against acceleration, amplitudes."""
+"""Pictures of controllers compared over many motions: means with intervals, drift against acceleration, amplitudes, the
+way to a clairvoyant command and the searches for it."""
 
 from __future__ import annotations
 
@@ -8,26 +9,28 @@ from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrdamp.errors import InputError
 from mrdamp.pictures import style
-
-Array = NDArray[np.float64]
+from mrdamp.pictures.series import Array
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A controller's mean with its interval (NaN: none) and worst case. marked: drawn in the colour of learned ones."""
+    """A controller's mean with its interval (NaN: none) and single values (n,), as the worst case or one a load.
+
+    marked: drawn in the colour of learned ones.
+    """
 
     name: str
     mean: float
     low: float
     high: float
-    worst: float
+    single: Array
     marked: bool = False
 
 
@@ -37,41 +40,100 @@ def ranking(panels: Mapping[str, Sequence[Bar]]) -> Figure:
 
     panels: title -> the same controllers in the same order; a NaN mean leaves its row empty.
     """
-    names = style.controllers_of("ranking", panels)
+    names = _controllers("ranking", panels)
     rows = -(-len(panels) // 2)
     fig = style.figure(0.55 + rows * (0.55 + 0.2 * len(names)))
     axes = [ax for row in style.axes_grid(fig, rows, 2, sharey=True) for ax in row]
-    place = np.arange(len(names), dtype=np.float64)
     for ax, (title, bars) in zip(axes, panels.items(), strict=False):
-        largest = (
-            max((v for b in bars for v in (b.mean, b.high, b.worst) if np.isfinite(v)), default=0.0) or 1.0
-        )
-        for y, bar in zip(place, bars, strict=True):
-            if not np.isfinite(bar.mean):
-                continue
-            colour = style.SIMULATED if bar.marked else style.COLOURS[0]
-            if np.isfinite(bar.low):
-                ax.plot(
-                    [bar.low, bar.high],
-                    [y, y],
-                    color=colour,
-                    linewidth=3.2,
-                    alpha=0.35,
-                    solid_capstyle="butt",
-                )
-            ax.plot([bar.worst], [y], marker="|", markersize=7, color=style.MUTED, linestyle="none")
-            ax.plot([bar.mean], [y], marker="o", markersize=4.5, color=colour, linestyle="none")
-            ax.text(1.06 * largest, y, style.short(bar.mean), va="center", fontsize=9, color=style.INK)
+        ends = np.array([v for b in bars for v in (b.mean, b.high, *b.single)])
+        largest = ends.max(initial=0.0, where=np.isfinite(ends)) or 1.0
+        for y, bar in enumerate(bars):
+            if np.isfinite(bar.mean):
+                _row(ax, y, bar)
+                ax.text(1.06 * largest, y, style.short(bar.mean), va="center", fontsize=9, color=style.INK)
         ax.set_xlim(0, 1.36 * largest)
         ax.set_title(title)
-        ax.grid(False, axis="y")
-        ax.tick_params(axis="y", length=0)
         style.ticks(ax, 4)
     for ax in axes[len(panels) :]:
         ax.set_visible(False)
-    axes[0].set_yticks(place, [style.elide(name, 128, 9) for name in names])
-    axes[0].set_ylim(len(names) - 0.4, -0.6)
-    style.interval_legend(fig, "mean", "95 % of the mean", "worst")
+    style.name_rows(axes[: len(panels)], names, 128)
+    _interval_legend(fig, "mean", "95 % of the mean", "worst")
+    return fig
+
+
+_LEFT = -1.0  # shares below are drawn at the edge
+
+
+@style.styled
+def share_ranking(panels: Mapping[str, Sequence[Bar]]) -> Figure:
+    """Shares of the way to a bound by controller, one panel a bound: dot with interval, a tick for each load; 0 the
+    base, 1 the bound.
+
+    panels: title -> the same controllers in the same order. Shares below -1 are drawn at -1.
+    """
+    names = _controllers("share_ranking", panels)
+    fig = style.figure(0.9 + 0.22 * len(names))
+    axes = style.axes_grid(fig, 1, len(panels), sharey=True)[0]
+    for ax, (title, rows) in zip(axes, panels.items(), strict=True):
+        ax.axvline(0.0, color=style.MUTED, linewidth=0.7)
+        ax.axvline(1.0, color=style.MUTED, linewidth=0.7, linestyle=style.DASHES[2])
+        for y, bar in enumerate(rows):
+            _row(ax, y, bar, _LEFT)
+        ax.set_xlim(_LEFT - 0.06, 1.06)
+        ax.set_title(style.elide(title.removeprefix("clairvoyant-"), 90, 9))
+        style.ticks(ax, 3)
+    style.name_rows(axes, names, 110)
+    _interval_legend(fig, "all runs", "95 %", "one motion")
+    return fig
+
+
+def _row(ax: Axes, y: float, bar: Bar, least: float = -np.inf) -> None:
+    """A dot (mean), a bar (interval) and ticks (single values); what is less than `least` is drawn there."""
+    colour = style.SIMULATED if bar.marked else style.COLOURS[0]
+    single = np.maximum(bar.single[np.isfinite(bar.single)], least)
+    alpha = 1.0 if len(bar.single) == 1 else 0.7
+    ax.plot(single, np.full(len(single), y), "|", markersize=7, color=style.MUTED, alpha=alpha)
+    if np.isfinite(bar.low):
+        span = np.maximum([bar.low, bar.high], least)
+        ax.plot(span, [y, y], color=colour, linewidth=3.2, alpha=0.35, solid_capstyle="butt")
+    if np.isfinite(bar.mean):
+        ax.plot([max(bar.mean, least)], [y], "o", markersize=4.5, color=colour)
+
+
+def _interval_legend(fig: Figure, mean: str, interval: str, single: str) -> None:
+    """Of what `_row` draws."""
+    style.line_legend(fig, {
+        mean: {"color": style.COLOURS[0], "marker": "o", "markersize": 4.5, "linestyle": "none"},
+        interval: {"color": style.COLOURS[0], "linewidth": 3.2, "alpha": 0.35},
+        single: {"color": style.MUTED, "marker": "|", "markersize": 7, "linestyle": "none"},
+    })  # fmt: skip
+
+
+def _controllers(what: str, panels: Mapping[str, Sequence[Bar]]) -> list[str]:
+    """Names of the rows of the first panel; what: the picture's name. Raises InputError where a panel is empty."""
+    style.require_some(what, panels and all(panels.values()), "controller")
+    return [bar.name for bar in next(iter(panels.values()))]
+
+
+@style.styled
+def search_paths(panels: Mapping[str, Mapping[str, Sequence[float]]]) -> Figure:
+    """The best value so far over the steps of each search; panels: bound -> start -> values."""
+    style.require_some("search_paths", panels and all(panels.values()), "search")
+    names = list(dict.fromkeys(name for lines in panels.values() for name in lines))
+    count = len(style.COLOURS)
+    looks: dict[str, dict[str, Any]] = {
+        name: {"color": style.COLOURS[k % count], "linestyle": style.DASHES[k // count % len(style.DASHES)]}
+        for k, name in enumerate(names)
+    }
+    fig = style.figure(2.8)
+    axes = style.axes_grid(fig, 1, len(panels))[0]
+    for ax, (title, lines) in zip(axes, panels.items(), strict=True):
+        for name, values in lines.items():
+            ax.plot(np.arange(len(values)), np.asarray(values, dtype=np.float64), **looks[name])
+        ax.set_title(style.elide(title.removeprefix("clairvoyant-"), 100, 9))
+        ax.set_xlabel("step")
+        style.ticks(ax, 4, 5)
+    style.line_legend(fig, {style.elide(name, 110, 9): look for name, look in looks.items()})
     return fig
 
 
@@ -84,8 +146,7 @@ def trade_off(
     drift, acceleration: controller -> ratio. Controllers are numbered; the list is to the right of the axes.
     """
     names = list(drift)
-    if not names:
-        raise InputError("picture: trade_off has nothing to show; give at least one controller")
+    style.require_some("trade_off", names, "controller")
     fig = style.figure(max(3.4, 0.6 + 0.19 * len(names)))
     [[ax, key]] = style.axes_grid(fig, 1, 2, width_ratios=[1.5, 1.0])
     points = np.array([[drift[name], acceleration[name]] for name in names])
@@ -155,15 +216,14 @@ def by_amplitude(
         ax.set_title(title)
         ax.set_xlabel("amplitude")
         style.ticks(ax, 5, 5)
-    style.legend(fig, [Line2D([], [], **looks[name]) for name in names], names)
+    style.line_legend(fig, looks)
     return fig
 
 
 @style.styled
 def deviations(rows: Mapping[str, Sequence[float]], columns: Sequence[str]) -> Figure:
     """Deviations in percent, one group of bars a row. rows: name -> up to len(columns) values."""
-    if not rows:
-        raise InputError("picture: deviations has nothing to show")
+    style.require_some("deviations", rows, "controller")
     fig = style.figure(2.4)
     [[ax]] = style.axes_grid(fig, 1, 1)
     width = 0.8 / len(rows)

@@ -1,9 +1,10 @@
-"""Pictures of a damper: measured against simulated, and the errors."""
+"""Pictures of a damper: measured against simulated, the errors, and wanted against true force."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +15,7 @@ from matplotlib.patches import Patch
 
 from mrdamp.errors import InputError
 from mrdamp.pictures.series import (
+    BINS,
     Array,
     busiest,
     check_series,
@@ -23,6 +25,7 @@ from mrdamp.pictures.series import (
     outline,
     padded,
     peak,
+    staircase,
     thinned,
     velocity_unit,
 )  # fmt: skip
@@ -34,16 +37,22 @@ from mrdamp.pictures.style import (
     REFERENCE,
     SIMULATED,
     axes_grid,
+    column,
     elide,
     figure,
     legend,
+    line_legend,
+    require_some,
     row_title,
     short,
     styled,
     ticks,
 )  # fmt: skip
 
-BINS = 400  # of a line over time: two points each, about what a screen resolves
+if TYPE_CHECKING:
+    from mrdamp.inverse.tracking import Track
+    from mrdamp.records import Record
+
 _MOST = 6  # rows of an overview
 
 
@@ -83,7 +92,7 @@ def loops(records: Sequence[LoopData], periods: float = 3.0) -> Figure:
 
     Shown are so many mean periods of the motion, where the piston moves fastest.
     """
-    _some("loops", records)
+    require_some("loops", records, "record")
     parts = [thinned(busiest(r.time, r.displacement, periods, r.velocity), 1500) for r in records]
     force, force_name = force_unit(*(r.measured for r in records))
     length, length_name = length_unit(*(r.displacement for r in records))
@@ -111,7 +120,7 @@ def histories(records: Sequence[LoopData], periods: float = 6.0) -> Figure:
     Shown are so many mean periods of the motion, where the piston moves fastest. A command that changes there
     is drawn below.
     """
-    _some("histories", records)
+    require_some("histories", records, "record")
     parts = [busiest(r.time, r.displacement, periods, r.velocity) for r in records]
     force, force_name = force_unit(*(r.measured for r in records))
     # One grid for all: subfigures would not line up.
@@ -168,6 +177,20 @@ def histories(records: Sequence[LoopData], periods: float = 6.0) -> Figure:
 
 
 @styled
+def channels(record: Record) -> Figure:
+    """Every channel of a record over time, a row each, in its units."""
+    shown = {name: values for name, values in record.channels.items() if name != "time_s"}
+    fig = figure(0.5 + 0.9 * len(shown))
+    rows = column(fig, len(shown), sharex=True)
+    for ax, (name, values) in zip(rows, shown.items(), strict=True):
+        ax.plot(*outline(record.time, values, BINS), color=COLOURS[0], linewidth=0.9)
+        ax.set_title(name)
+        ticks(ax, 6, 3)
+    rows[-1].set_xlabel("time, s")
+    return fig
+
+
+@styled
 def error_bars(
     names: Sequence[str],
     errors: Sequence[float],
@@ -180,7 +203,7 @@ def error_bars(
     whether nothing was fitted to it. marks: name -> error of other work, drawn as lines. A few
     bars that are much longer than the rest are cut, which an arrow shows; the values are next to the bars.
     """
-    _some("error_bars", names)
+    require_some("error_bars", names, "record")
     if not len(names) == len(errors) == len(held_out):
         counts = f"{len(names)} names, {len(errors)} errors and {len(held_out)} halves"
         raise InputError(f"picture: error_bars has {counts}; give as many of each")
@@ -223,11 +246,50 @@ def error_bars(
     return fig
 
 
+@styled
+def force_tracking(tracks: Sequence[Track], command_unit: str = "A", seconds: float = 1.5) -> Figure:
+    """Each run's force over the wanted one, its command below: the part of so many seconds with the largest force.
+
+    tracks: of one wanted force. Raises InputError where there is none.
+    """
+    require_some("force_tracking", tracks, "run")
+    first = tracks[0]
+    step = float(first.time[1] - first.time[0])
+    count = min(len(first.time), round(seconds / step))
+    energy = np.concatenate([[0.0], np.cumsum(first.wanted**2)])
+    start = int(np.argmax(energy[count:] - energy[:-count]))
+    window = slice(start, start + count)
+    part = thinned(window, 1200)
+    scale, unit = force_unit(*(t.force for t in tracks))
+    top = max(float(t.command.max()) for t in tracks)
+    fig = figure(0.7 + 1.75 * len(tracks))
+    heights = [height for _ in tracks for height in (1.0, 0.5)]
+    axes = column(fig, 2 * len(tracks), sharex=True, height_ratios=heights)
+    for k, run in enumerate(tracks):
+        above, below = axes[2 * k], axes[2 * k + 1]
+        above.plot(run.time[part], scale * run.wanted[part], color=INK, linewidth=0.9)
+        colour = COLOURS[k % len(COLOURS)]
+        above.plot(run.time[part], scale * run.force[part], color=colour, linewidth=1.5, zorder=1.9)
+        row_title(above, above, run.name, f"RMS error {100 * run.relative_error:.1f} %")
+        above.set_ylabel(f"force, {unit}")
+        # Held between samples: a corner where it changes.
+        below.step(*staircase(run.time[window], run.command[window]), where="post", color=colour, linewidth=1.0)
+        below.set_ylim(*padded(0.0, top))
+        below.set_ylabel(command_unit)
+        ticks(above, 6, 4)
+        ticks(below, 6, 2)
+    axes[-1].set_xlim(float(first.time[start]), float(first.time[start + count - 1]))
+    axes[-1].set_xlabel("time, s; below each force the command")
+    fig.align_ylabels(axes)
+    true = {"color": MUTED, "linewidth": 1.5}
+    line_legend(fig, {"wanted": {"color": INK, "linewidth": 0.9}, "true force, in colour": true})
+    return fig
+
+
 def _measured_and_simulated(fig: Figure, *others: tuple[str, str]) -> None:
     """Legend: measured, simulated, and other lines by name and colour."""
-    lines = [Line2D([], [], color=INK, linewidth=0.9), Line2D([], [], color=SIMULATED, linewidth=2.0)]
-    lines += [Line2D([], [], color=colour, linewidth=1.2) for _, colour in others]
-    legend(fig, lines, ["measured", "simulated", *(name for name, _ in others)])
+    looks = {"measured": {"color": INK, "linewidth": 0.9}, "simulated": {"color": SIMULATED, "linewidth": 2.0}}
+    line_legend(fig, looks | {name: {"color": colour, "linewidth": 1.2} for name, colour in others})
 
 
 def _extent(values: Array) -> tuple[float, float]:
@@ -243,8 +305,3 @@ def _range(record: LoopData, part: slice) -> tuple[float, float]:
 def _changes(record: LoopData, part: slice) -> bool:
     command = record.command[part]
     return float(np.ptp(command)) > 0.02 * max(peak(record.command), 1e-12)
-
-
-def _some(what: str, items: Sequence[object]) -> None:
-    if not len(items):
-        raise InputError(f"picture: {what} has nothing to show; give at least one")

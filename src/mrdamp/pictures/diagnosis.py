@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import FancyBboxPatch, Patch
 
 from mrdamp.errors import InputError
 from mrdamp.pictures.series import (
+    BINS,
     Array,
     busiest,
     check_series,
@@ -34,12 +34,11 @@ from mrdamp.pictures.style import (
     elide,
     figure,
     legend,
+    line_legend,
+    require_some,
     styled,
     ticks,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.typing import LineStyleType
 
 #: The measurement is grey, as what others are compared with always is.
 BEFORE, AFTER, NAMED = COLOURS[1], COLOURS[0], COLOURS[2]
@@ -88,8 +87,7 @@ def waterfall(
     A step whose name extends that of the one above is labelled by the addition. Bars are cut at twice the larger of the
     first and the last: free parameters that do not hold on a left-out record can have any gap.
     """
-    if not steps:
-        raise InputError("waterfall: no steps")
+    require_some("waterfall", steps, "step")
     fig = figure(0.75 + 0.36 * len(steps))
     ax = fig.subplots()
     y = np.arange(len(steps))
@@ -100,12 +98,10 @@ def waterfall(
     ax.barh(y, np.minimum(gaps, most), height=0.6, color=[BEFORE, *[AFTER] * (len(steps) - 1)])
     ax.hlines(y, ends[:, 0], ends[:, 1], color=INK, linewidth=1.4)
     ax.axvline(100 * floor, color=MUTED, linestyle="--", linewidth=1.0)
-    handles = [Line2D([], [], color=MUTED, linestyle="--"), Line2D([], [], color=INK)]
-    labels = ["noise floor", "95 % interval"]
+    looks = {"noise floor": {"color": MUTED, "linestyle": "--"}, "95 % interval": {"color": INK}}
     if ceiling is not None:
         ax.axvline(100 * ceiling, color=MUTED, linestyle=":", linewidth=1.4)
-        handles.append(Line2D([], [], color=MUTED, linestyle=":"))
-        labels.append("regression")
+        looks["regression"] = {"color": MUTED, "linestyle": ":"}
     gaps = np.minimum(gaps, most)
     top = max(float(ends.max()), float(gaps.max())) or 1.0
     for k, gap in enumerate(gaps):
@@ -116,7 +112,7 @@ def waterfall(
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
     ax.set_xlabel("gap on held-out records, % of the RMS")
-    legend(fig, handles, labels)
+    line_legend(fig, looks)
     return fig
 
 
@@ -213,8 +209,7 @@ def by_regime(
 ) -> Figure:
     """A parameter fitted to each regime alone: label, value, 95 % interval; the value of all records as a line, its
     interval as a band. A logarithmic axis if positive values differ by more than a factor of five."""
-    if not rows:
-        raise InputError("by regime: no rows")
+    require_some("by_regime", rows, "regime")
     fig = figure(0.75 + 0.3 * len(rows))
     ax = fig.subplots()
     y = np.arange(len(rows))
@@ -233,16 +228,15 @@ def by_regime(
     ax.set_ylim(len(rows) - 0.4, -0.6)
     ax.grid(axis="y", visible=False)
     ax.set_xlabel(name)
-    handles = [Line2D([], [], color=AFTER, marker="o"), Line2D([], [], color=MUTED, linestyle="--")]
-    legend(fig, handles, ["regime alone, 95 % interval", "all records"])
+    alone = {"color": AFTER, "marker": "o"}
+    line_legend(fig, {"regime alone, 95 % interval": alone, "all records": {"color": MUTED, "linestyle": "--"}})
     return fig
 
 
 @styled
 def gap_map(records: Sequence[ResidualData]) -> Figure:
     """RMS residual over velocity and command, before and after, on one scale: % of the measurement's RMS."""
-    if not records:
-        raise InputError("gap map: no records")
+    require_some("gap_map", records, "record")
     velocity, command = (np.concatenate([getattr(r, k) for r in records]) for k in ("velocity", "command"))
     size = [np.sqrt(np.mean(r.measured**2)) or 1.0 for r in records]
     errors = {
@@ -277,8 +271,7 @@ def residuals(records: Sequence[ResidualData], periods: float = 5.0) -> Figure:
 
     A record's rows share the scale: the nominal simulator's residual, the corrected one's below it.
     """
-    if not records:
-        raise InputError("residuals: no records")
+    require_some("residuals", records, "record")
     drawn = _simulators(records)
     count = len(drawn)
     fig = figure(0.6 + 1.05 * count * len(records))
@@ -290,7 +283,7 @@ def residuals(records: Sequence[ResidualData], periods: float = 5.0) -> Figure:
         top = 1.08 * max(float(np.abs(e).max()) for e in errors) or 1.0
         for ax, error, colour in zip(pair, errors, drawn.values(), strict=True):
             ax.axhline(0.0, color=MUTED, linewidth=0.7)
-            _line(ax, r.time[part], error, colour, 1.2)
+            ax.plot(*outline(r.time[part], error, BINS), color=colour, linewidth=1.2)
             ax.set_xlim(r.time[part][0], r.time[part][-1])
             ax.set_ylim(-top, top)
             ax.set_ylabel(f"error, {r.unit}")
@@ -317,33 +310,22 @@ def loops(record: ResidualData, periods: float = 2.0) -> Figure:
     speed, speed_name = velocity_unit(record.velocity[part])
     fig = figure(6.2)
     axes = fig.subplots(2, 1)
-    drawn: list[tuple[str, Array, str, float, LineStyleType]] = [
-        ("measured", record.measured, REFERENCE, 3.0, "-"),
-        *((name, getattr(record, name), colour, 1.3, "-" if name == "corrected" else (0, (4, 1.5)))
-          for name, colour in _simulators([record]).items()),
-    ]  # fmt: skip
+    looks: dict[str, dict[str, Any]] = {"measured": {"color": REFERENCE, "linewidth": 3.0}}
+    for name, colour in _simulators([record]).items():
+        looks[name] = {"color": colour, "linewidth": 1.3, "linestyle": "-" if name == "corrected" else (0, (4, 1.5))}
     sides = (
         (length * record.displacement, f"displacement, {length_name}"),
         (speed * record.velocity, f"velocity, {speed_name}"),
     )
     for ax, (x, label) in zip(axes, sides, strict=True):
-        for _, y, colour, width, style in drawn:
-            ax.plot(x[part], force * y[part], color=colour, linewidth=width, linestyle=style)
+        for name, look in looks.items():
+            ax.plot(x[part], force * getattr(record, name)[part], **look)
         ax.set_xlabel(label)
         ax.set_ylabel(f"force, {force_name}")
         ticks(ax, 6, 5)
     axes[0].set_title(elide(record.name, 330))
-    legend(
-        fig,
-        [Line2D([], [], color=c, linewidth=w, linestyle=s) for *_, c, w, s in drawn],
-        [n for n, *_ in drawn],
-    )
+    line_legend(fig, looks)
     return fig
-
-
-def _line(ax: Axes, time: Array, values: Array, colour: str, width: float) -> None:
-    t, v = outline(time, values, 400)
-    ax.plot(t, v, color=colour, linewidth=width)
 
 
 def _edges(values: Array, *, symmetric: bool) -> Array:

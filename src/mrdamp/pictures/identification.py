@@ -1,4 +1,5 @@
-"""Pictures of an identification: parameters over the command, models over each other, a calibrated sensor."""
+"""Pictures of an identification: parameters over the command, models over each other, a calibrated sensor, and
+Figs. 3 to 5 of the self-sensing paper."""
 
 from __future__ import annotations
 
@@ -21,12 +22,16 @@ from mrdamp.pictures.series import (
 )  # fmt: skip
 from mrdamp.pictures.style import (
     COLOURS,
+    DASHES,
     INK,
     MARKERS,
     MUTED,
     axes_grid,
+    column,
     figure,
     legend,
+    line_legend,
+    require_some,
     row_title,
     styled,
     ticks,
@@ -70,14 +75,8 @@ def parameter_lines(
     for ax in axes[max(0, len(names) - 2) : len(names)]:
         ax.tick_params(labelbottom=True)
         ax.set_xlabel(f"command, {command_unit}")
-    legend(
-        fig,
-        [
-            Line2D([], [], color=INK, marker="o", linestyle="", markersize=4.5),
-            Line2D([], [], color=COLOURS[1]),
-        ],
-        ["fit at one command", "line through them"],
-    )
+    dots = {"color": INK, "marker": "o", "linestyle": "", "markersize": 4.5}
+    line_legend(fig, {"fit at one command": dots, "line through them": {"color": COLOURS[1]}})
     return fig
 
 
@@ -86,8 +85,7 @@ def model_loops(
     time: Array, displacement: Array, velocity: Array, measured: Array, simulated: Mapping[str, Array]
 ) -> Figure:
     """One record's loops over displacement and over velocity, every model in its own row over the measurement."""
-    if not simulated:
-        raise InputError("picture: model_loops has nothing to show; give at least one model")
+    require_some("model_loops", simulated, "model")
     part = thinned(busiest(time, displacement, 2.0, velocity), 1500)
     force, force_name = force_unit(measured)
     length, length_name = length_unit(displacement)
@@ -104,11 +102,8 @@ def model_loops(
         left.set_ylabel(f"force, {force_name}")
     axes[-1][0].set_xlabel(f"displacement, {length_name}")
     axes[-1][1].set_xlabel(f"velocity, {speed_name}")
-    legend(
-        fig,
-        [Line2D([], [], color=INK, linewidth=0.9), Line2D([], [], color=MUTED, linewidth=2.0)],
-        ["measured", "model, in colour"],
-    )
+    coloured = {"color": MUTED, "linewidth": 2.0}
+    line_legend(fig, {"measured": {"color": INK, "linewidth": 0.9}, "model, in colour": coloured})
     return fig
 
 
@@ -118,17 +113,10 @@ def sensitivities(
 ) -> Figure:
     """Charge-to-force sensitivity (pC/N) and its deviation (share) of each calibration test, by frequency (Hz)."""
     shape = np.shape(frequency)
-    arrays = [
-        finite(n, x, shape)
-        for n, x in (
-            ("frequency", frequency),
-            ("amplitude", amplitude),
-            ("sensitivity", sensitivity),
-            ("deviation", deviation),
-        )
-    ]
+    given = {"frequency": frequency, "amplitude": amplitude, "sensitivity": sensitivity, "deviation": deviation}
+    arrays = [finite(name, x, shape) for name, x in given.items()]
     fig = figure(3.6)
-    top, bottom = (row[0] for row in axes_grid(fig, 2, 1, sharex=True))
+    top, bottom = column(fig, 2, sharex=True)
     handles = []
     for k, size in enumerate(sorted(set(np.round(arrays[1], 3)))):
         at = np.isclose(arrays[1], size)
@@ -146,4 +134,61 @@ def sensitivities(
     bottom.minorticks_off()
     bottom.set_xlabel("frequency, Hz")
     legend(fig, handles, [str(h.get_label()) for h in handles])
+    return fig
+
+
+@styled
+def calibration_signals(time: Array, force: Array, charge: Array) -> Figure:
+    """Fig. 3: the driving force (n,) N and the charge (n,) pC of one test over time (n,) s."""
+    fig = figure(3.2)
+    top, bottom = column(fig, 2, sharex=True)
+    for axes, values, name, colour in (
+        (top, force, "force, N", COLOURS[0]),
+        (bottom, 1e-3 * charge, "charge, nC", COLOURS[1]),
+    ):
+        axes.plot(time, values, color=colour, linewidth=1.2)
+        axes.set_ylabel(name)
+        ticks(axes, 6, 4)
+    bottom.set_xlabel("time, s")
+    return fig
+
+
+@styled
+def force_histories(shown: Mapping[str, tuple[Array, Array, Array]]) -> Figure:
+    """Fig. 4: by name, time (n,) s, the load cell's force and the damper's own (n,) N, each in its own row."""
+    require_some("force_histories", shown, "record")
+    scale, unit = force_unit(*(cell for _, cell, _ in shown.values()))
+    fig = figure(0.7 + 1.2 * len(shown))
+    rows = column(fig, len(shown), sharex=True)
+    for axes, (name, (time, cell, own)) in zip(rows, shown.items(), strict=True):
+        axes.plot(time, scale * own, color=COLOURS[1], linewidth=2.2)
+        axes.plot(time, scale * cell, color=INK, linewidth=0.8)
+        row_title(axes, axes, name, "")
+        axes.set_ylabel(f"force, {unit}")
+        ticks(axes, 6, 4)
+    rows[-1].set_xlabel("time, s")
+    own_sensor = {"color": COLOURS[1], "linewidth": 2.2}
+    line_legend(fig, {"load cell": {"color": INK, "linewidth": 0.9}, "the damper's own sensor": own_sensor})
+    return fig
+
+
+@styled
+def loops_by_command(shown: Mapping[str, tuple[Array, Array, Array]]) -> Figure:
+    """Fig. 5: by name, displacement (m), velocity (m/s) and force (N), each (n,); all loops over each other."""
+    require_some("loops_by_command", shown, "record")
+    force, force_name = force_unit(*(f for _, _, f in shown.values()))
+    length, length_name = length_unit(*(x for x, _, _ in shown.values()))
+    speed, speed_name = velocity_unit(*(v for _, v, _ in shown.values()))
+    fig = figure(3.2)
+    left, right = axes_grid(fig, 1, 2, sharey=True)[0]
+    for k, (x, v, f) in enumerate(shown.values()):
+        part = thinned(slice(0, len(x)), 1500)
+        for axes, along in ((left, length * x), (right, speed * v)):
+            axes.plot(along[part], force * f[part], color=COLOURS[k % len(COLOURS)], ls=DASHES[k % len(DASHES)], lw=1.3)
+    left.set_ylabel(f"force, {force_name}")
+    left.set_xlabel(f"displacement, {length_name}")
+    right.set_xlabel(f"velocity, {speed_name}")
+    for axes in (left, right):
+        ticks(axes, 5, 5)
+    legend(fig, left.get_lines(), list(shown))
     return fig

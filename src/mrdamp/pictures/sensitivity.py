@@ -10,29 +10,19 @@ from matplotlib.patches import Patch, Rectangle
 
 from mrdamp.pictures.style import COLOURS, INK, REFERENCE, SIMULATED, figure, legend, styled
 
-#: Outcome -> colour, opacity, sign in the cell.
-_LOOK: Mapping[str, tuple[str, float, str]] = {
-    "named": (COLOURS[0], 1.0, "+"),
-    "unsure": (COLOURS[0], 0.45, "±"),
-    "already": (COLOURS[2], 0.6, "="),
-    "unknown": (REFERENCE, 0.55, "?"),
-    "parameters": (REFERENCE, 0.3, "p"),
-    "none": (REFERENCE, 0.12, "–"),
-    "wrong": (SIMULATED, 1.0, "×"),
-    "failed": (COLOURS[3], 0.8, "!"),
+#: Outcome -> colour, opacity, sign in the cell, words.
+_LOOK: Mapping[str, tuple[str, float, str, str]] = {
+    "named": (COLOURS[0], 1.0, "+", "named"),
+    "unsure": (COLOURS[0], 0.45, "±", "in a tie"),
+    "already": (COLOURS[2], 0.6, "=", "there already"),
+    "unknown": (REFERENCE, 0.55, "?", "unknown"),
+    "parameters": (REFERENCE, 0.3, "p", "parameters"),
+    "none": (REFERENCE, 0.12, "–", "nothing new"),
+    "wrong": (SIMULATED, 1.0, "×", "another named"),
+    "failed": (COLOURS[3], 0.8, "!", "failed"),
 }
 #: Outcomes that have a cell; a picture needs one at least.
 DRAWN = frozenset(_LOOK)
-_WORDS = {
-    "named": "named",
-    "unsure": "in a tie",
-    "already": "there already",
-    "unknown": "unknown",
-    "parameters": "parameters",
-    "none": "nothing new",
-    "wrong": "another named",
-    "failed": "failed",
-}
 
 
 @styled
@@ -49,7 +39,7 @@ def detection(
             look = _LOOK.get(found.get(size, ""))
             if look is None:
                 continue
-            colour, alpha, sign = look
+            colour, alpha, sign, _ = look
             ax.add_patch(
                 Rectangle((k - 0.48, j - 0.46), 0.96, 0.92, facecolor=colour, alpha=alpha, linewidth=0)
             )
@@ -59,12 +49,9 @@ def detection(
     ax.set_xlim(-0.55, len(sizes) - 0.45)
     ax.set_ylim(len(effects) - 0.45, -0.55)
     ax.set_xlabel("size: change of the residual over the RMS force")
-    there = [o for o in _LOOK if any(o in found.values() for found in outcomes)]
-    legend(
-        fig,
-        [Patch(facecolor=_LOOK[o][0], alpha=_LOOK[o][1], linewidth=0) for o in there],
-        [f"{_LOOK[o][2]} {_WORDS[o]}" for o in there],
-    )
+    there = [look for outcome, look in _LOOK.items() if any(outcome in found.values() for found in outcomes)]
+    handles = [Patch(facecolor=colour, alpha=alpha, linewidth=0) for colour, alpha, *_ in there]
+    legend(fig, handles, [f"{sign} {words}" for *_, sign, words in there])
     return fig
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrdamp.errors import InputError
 
 Array = NDArray[np.float64]
+BINS = 400  # of a line over time: two points each, about what a screen resolves
 
 
 def finite(what: str, values: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:

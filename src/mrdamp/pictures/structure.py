@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from mrdamp.errors import InputError
@@ -19,9 +18,12 @@ from mrdamp.pictures.style import (
     MUTED,
     axes_grid,
     colours,
+    column,
     elide,
     figure,
-    legend,
+    line_legend,
+    name_rows,
+    require_some,
     short,
     styled,
     ticks,
@@ -48,7 +50,7 @@ def drifts(time: ArrayLike, drift: Mapping[str, ArrayLike], periods: float = 12.
     colour = colours(names)
     high = 1.05 if storeys <= 4 else 0.8
     fig = figure(0.6 + 1.25 + high * storeys)
-    axes = [row[0] for row in axes_grid(fig, storeys + 1, 1, height_ratios=[1.1, *[high] * storeys])]
+    axes = column(fig, storeys + 1, height_ratios=[1.1, *[high] * storeys])
     top = axes[0]
     for name, run in runs.items():
         top.plot(*series.outline(t, scale * run[:, worst], 500), color=colour[name], linewidth=0.8)
@@ -67,7 +69,7 @@ def drifts(time: ArrayLike, drift: Mapping[str, ArrayLike], periods: float = 12.
         ticks(ax, 7, 4 if storeys <= 4 else 3)
     fig.supylabel(f"drift, {unit}", fontsize=9.5)
     axes[-1].set_xlabel("time, s")
-    legend(fig, [Line2D([], [], **_look(k, name, colour)) for k, name in enumerate(names)], names)
+    line_legend(fig, {name: _look(k, name, colour) for k, name in enumerate(names)})
     return fig
 
 
@@ -90,11 +92,10 @@ def controllers(criteria: Mapping[str, Criteria], command_unit: str = "A") -> Fi
     colour = colours(names)
     fig = figure(1.5 + 2 * 0.235 * len(names))
     axes = [ax for row in axes_grid(fig, 2, 2, sharey=True) for ax in row]
-    place = [float(k) for k in range(len(names))]
     for k, (ax, (title, label, values)) in enumerate(zip(axes, panels, strict=True)):
         largest = max(max(values), 1.0 if k < 2 else 0.0) or 1.0
-        ax.barh(place, values, 0.68, color=[colour[n] for n in names])
-        for y, value, name in zip(place, values, names, strict=True):
+        ax.barh(range(len(names)), values, 0.68, color=[colour[n] for n in names])
+        for y, (value, name) in enumerate(zip(values, names, strict=True)):
             none = k >= 2 and criteria[name].peak_force == 0
             ax.text(
                 value + 0.025 * largest, y, "no damper" if none else short(value),
@@ -103,11 +104,8 @@ def controllers(criteria: Mapping[str, Criteria], command_unit: str = "A") -> Fi
         ax.set_xlim(0, 1.28 * largest)
         ax.set_title(title)
         ax.set_xlabel(label)
-        ax.grid(False, axis="y")
-        ax.tick_params(axis="y", length=0)
         ticks(ax, 4)
-    axes[0].set_yticks(place, [elide(name, 112, 9) for name in names])
-    axes[0].set_ylim(len(names) - 0.4, -0.6)
+    name_rows(axes, names, 112)
     return fig
 
 
@@ -128,14 +126,14 @@ def profile(criteria: Mapping[str, Criteria], ground_peak: float | None = None) 
     fig = figure(1.35 + (0.62 if storeys < 5 else 0.34) * max(storeys, 2))
     [[left, right]] = axes_grid(fig, 1, 2, sharey=True)
     floors = np.arange(storeys + 1)
-    handles = []
+    looks = {}
     for k, (name, c) in enumerate(criteria.items()):
         look = _look(k, name, colour)
         left.stairs(scale * c.peak_drift, floors, baseline=None, orientation="horizontal", **look)
         look |= {"marker": MARKERS[k % len(MARKERS)], "markersize": 4.5}
         ground = [] if ground_peak is None else [ground_peak]
         right.plot(np.append(ground, c.peak_acceleration), floors[1 - len(ground) :], **look)
-        handles.append(Line2D([], [], **look))
+        looks[name] = look
     left.set_ylim(-0.05 * storeys, 1.05 * storeys)
     left.set_yticks(floors, ["ground", *map(str, floors[1:])])
     left.set_ylabel("floor")
@@ -144,7 +142,7 @@ def profile(criteria: Mapping[str, Criteria], ground_peak: float | None = None) 
     for ax in (left, right):
         ax.set_xlim(left=0)
         ticks(ax, 5)
-    legend(fig, handles, names)
+    line_legend(fig, looks)
     return fig
 
 
@@ -176,8 +174,7 @@ def command_history(
     largest = series.padded(-series.peak(*forces.values()), series.peak(*forces.values()))
     colour = colours(["uncontrolled", *names]) | colours(order or [])
     fig = figure(0.45 + 1.85 * len(names))
-    grid = axes_grid(fig, 2 * len(names), 1, sharex=True, height_ratios=[2, 1] * len(names))
-    axes = [row[0] for row in grid]
+    axes = column(fig, 2 * len(names), sharex=True, height_ratios=[2, 1] * len(names))
     for name, above, below in zip(names, axes[::2], axes[1::2], strict=True):
         above.axhline(0.0, color=MUTED, linewidth=0.7)
         above.plot(t[part], scale * forces[name][part], color=colour[name], linewidth=1.3)
@@ -198,8 +195,7 @@ def command_history(
 
 def _runs(what: str, time: series.Array, drift: Mapping[str, ArrayLike]) -> dict[str, series.Array]:
     runs = {name: np.asarray(values, dtype=np.float64) for name, values in drift.items()}
-    if not runs:
-        raise InputError(f"picture: {what} has nothing to show; give at least one controller")
+    require_some(what, runs, "controller")
     first = next(iter(runs.values()))
     storeys = first.shape[1] if first.ndim == 2 else 0
     shape = len(time), max(storeys, 1)
@@ -217,6 +213,5 @@ def _look(k: int, name: str, colour: Mapping[str, str]) -> dict[str, Any]:
 
 def _reference(what: str, criteria: Mapping[str, Criteria]) -> tuple[list[str], Criteria]:
     names = list(criteria)
-    if not names:
-        raise InputError(f"picture: {what} has nothing to show; give at least one controller")
+    require_some(what, names, "controller")
     return names, criteria[names[0]]

@@ -137,21 +137,29 @@ def legend(fig: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> Non
     )  # fmt: skip
 
 
-def controllers_of(what: str, panels: Mapping[str, Sequence[Any]]) -> list[str]:
-    """Names of the rows of the first panel; what: the picture's name. Raises InputError where a panel is empty."""
-    if not panels or not all(panels.values()):
-        raise InputError(f"picture: {what} has nothing to show; give at least one controller")
-    return [row.name for row in next(iter(panels.values()))]
+def line_legend(fig: Figure, looks: Mapping[str, Mapping[str, Any]]) -> None:
+    """`legend` of lines by name; looks: as arguments of matplotlib's `Line2D`."""
+    legend(fig, [Line2D([], [], **look) for look in looks.values()], list(looks))
 
 
-def interval_legend(fig: Figure, mean: str, interval: str, single: str) -> None:
-    """Of rows with a dot (mean), a bar (interval) and ticks (single values)."""
-    handles = [
-        Line2D([], [], color=COLOURS[0], marker="o", markersize=4.5, linestyle="none"),
-        Line2D([], [], color=COLOURS[0], linewidth=3.2, alpha=0.35),
-        Line2D([], [], color=MUTED, marker="|", markersize=7, linestyle="none"),
-    ]
-    legend(fig, handles, [mean, interval, single])
+def column(fig: Figure, rows: int, **how: Any) -> list[Axes]:
+    """Axes under each other; how: as for `axes_grid`."""
+    return [row[0] for row in axes_grid(fig, rows, 1, **how)]
+
+
+def require_some(what: str, items: object, of: str) -> None:
+    """InputError where a picture has nothing to show. what: its name; of: what to give."""
+    if not items:
+        raise InputError(f"picture: {what} has nothing to show; give at least one {of}")
+
+
+def name_rows(axes: Sequence[Axes], names: Sequence[str], points: float) -> None:
+    """Axes beside each other that share a row for each name, the first on top; points: that the names may take."""
+    for ax in axes:
+        ax.grid(False, axis="y")
+        ax.tick_params(axis="y", length=0)
+    axes[0].set_yticks(range(len(names)), [elide(name, points, 9) for name in names])
+    axes[0].set_ylim(len(names) - 0.4, -0.6)
 
 
 def row_title(left: Axes, right: Axes, name: str, note: str) -> None:

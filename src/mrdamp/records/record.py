@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.errors import LARGEST, InputError
 from mrdamp.files import SUFFIXES, decode, files_in, read_bytes, write_atomic
 from mrdamp.records import csv_file, division, motion, sampling
 from mrdamp.records.channels import check_header, is_channel
+from mrdamp.records.sampling import Array
 from mrdamp.shown import Shown
-
-Array = NDArray[np.float64]
 
 #: A measured velocity that is so many times the displacement's rate, or that part of it, has another unit.
 _RATE = 2.0
@@ -41,7 +39,7 @@ class Record(Shown):
         InputError: not a channel name, unequal lengths, fewer than 3 samples, a number that is not finite.
     """
 
-    picture: ClassVar[str] = "mrdamp.pictures.record:channels"
+    picture: ClassVar[str] = "mrdamp.pictures.damper:channels"
     name: str
     path: Path | None
     sample_time: float
@@ -111,11 +109,7 @@ class Record(Shown):
         return self.channels.get("force_N")
 
     def channel(self, name: str) -> Array:
-        """One channel (n,).
-
-        Raises:
-            InputError: the record does not hold it; the line lists what it holds.
-        """
+        """One channel (n,). Raises InputError: the record does not hold it; the line lists what it holds."""
         if name not in self.channels:
             raise InputError(f"{self.label}: no channel {name}; the record has {', '.join(self.channels)}")
         return self.channels[name]
@@ -135,10 +129,7 @@ class Record(Shown):
         return sampling.derivative(self.velocity(cutoff_hz), self.sample_time)
 
     def part(self, t0: float, t1: float) -> Record:
-        """The samples with t0 <= time <= t1 (s), on their own stamps.
-
-        Raises:
-            InputError: fewer than 3 samples are left.
+        """The samples with t0 <= time <= t1 (s), on their own stamps. Raises InputError: fewer than 3 samples are left.
         """
         slack = 1e-6 * self.sample_time
         keep = (self.time >= t0 - slack) & (self.time <= t1 + slack)
@@ -168,11 +159,8 @@ class Record(Shown):
         return self._like(self.sample_time, {**self.channels, **channels})
 
     def save(self, path: Path | str, digits: int = 9) -> None:
-        """Write a .csv or .csv.gz in one go, with so many significant digits.
-
-        Raises:
-            InputError: another suffix, or the file cannot be written.
-        """
+        """Write a .csv or .csv.gz in one go, with so many significant digits. Raises InputError: another suffix, or the
+        file cannot be written."""
         path = Path(path)
         if not path.name.endswith(SUFFIXES):
             raise InputError(f"{path}: a record is written as .csv or .csv.gz")
@@ -245,11 +233,7 @@ class RecordSet:
         return len(self.records)
 
     def __getitem__(self, name: str) -> Record:
-        """The record of that name.
-
-        Raises:
-            InputError: there is none; the line lists the names.
-        """
+        """The record of that name. Raises InputError: there is none; the line lists the names."""
         for record in self:
             if record.name == name:
                 return record
@@ -328,10 +312,7 @@ def read_records(
 
 def record_files(path: Path | str) -> list[Path]:
     """A file, or the records of a folder: those of its ``train/``, ``validation/`` and ``test/`` where it has them.
-
-    Raises:
-        InputError: there is nothing there, or none in the folder.
-    """
+    Raises InputError: there is nothing there, or none in the folder."""
     folder = Path(path)
     parts = [part for name in ("train", "validation", "test") if (part := folder / name).is_dir()]
     return [file for where in parts or [folder] for file in files_in(where)]

@@ -14,11 +14,8 @@ _ORDER = 2  # run forward and back: fourth order in all, no phase
 
 
 def lowpass(x: Array, sample_time: float, cutoff_hz: float) -> Array:
-    """Butterworth low-pass run forward and backward (no delay). Gain one half at ``cutoff_hz``.
-
-    Raises:
-        InputError: the cut-off is not between 0 and half the sampling rate.
-    """
+    """Butterworth low-pass run forward and backward (no delay). Gain one half at ``cutoff_hz``. Raises InputError: the
+    cut-off is not between 0 and half the sampling rate."""
     nyquist = 0.5 / sample_time
     if not 0.0 < cutoff_hz < nyquist:
         raise InputError(f"cutoff_hz is {cutoff_hz:g}: it must lie between 0 and {nyquist:g} (half the rate)")
@@ -53,9 +50,8 @@ def resampled(x: Array, sample_time: float, new_time: float, *, filtered: bool =
     Where the rate falls by more than a third, the signal is low-passed at 0.4 of the new rate first
     (``filtered``), so that nothing folds back.
 
-    Raises:
-        InputError: the new sample time is not a positive number, leaves under three samples, or would
-            make more than 1e8 of them.
+    Raises InputError: the new sample time is not a positive number, leaves under three samples, or would make more than
+    1e8 of them.
     """
     duration = (len(x) - 1) * sample_time
     if not 0.0 < new_time <= 0.5 * duration * (1.0 + 1e-9) or duration / new_time > 1e8:

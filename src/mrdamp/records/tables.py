@@ -34,8 +34,7 @@ def columns_of(path: Path, wanted: Sequence[str], time: str = "") -> dict[str, A
     header the columns are 1, 2 and so on. Columns of a MATLAB structure are `structure.field`, those of a matrix
     `matrix(1)`. time: the column that may hold dates with times, ISO 8601, read as seconds from the first.
 
-    Raises:
-        InputError: one line: no such column, a cell that is no number, a damaged file, a library that is missing.
+    Raises InputError: one line: no such column, a cell that is no number, a damaged file, a library that is missing.
     """
     suffix = path.suffix.lower()
     if suffix == ".xlsx":
