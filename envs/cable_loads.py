@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
 from mrdamp.envs.loads import Range, check_ranges, uniform
 from mrdamp.errors import InputError, require_positive
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 AIR = 1.25  # kg/m3
 _SLOW = 12  # lines below 1 / duration
 _WITHIN = 8  # points of a line's cell

@@ -6,17 +6,16 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.envs.chain_rows import Chained
 from mrdamp.envs.linear_rows import LinearChain, LinearRows
 from mrdamp.envs.sensors import Accelerometers
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import Stepping
 
 if TYPE_CHECKING:
     from mrdamp.envs.cable_task import Cable
 
-Array = NDArray[np.float64]
 
 
 class CableRows(LinearRows):

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp import sets
 from mrdamp.control import registry
@@ -28,10 +27,9 @@ from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import CableLoads, validation_loads
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.structures.cables import StayCable
 from mrdamp.structures.mechanics import Mechanics
-
-Array = NDArray[np.float64]
 
 #: RMS over the scales under the default loads and commands that change evenly between none and the largest.
 _TYPICAL = {"acceleration_1": 10.0, "acceleration": 2.8, "force": 0.5, "true_force": 0.5, "current": 0.6}

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.envs.cable_xml import chain_xml
 from mrdamp.envs.view import View
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.structures.cables import StayCable
-
-Array = NDArray[np.float64]
 
 _SEGMENTS = 50
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp import sets
 from mrdamp.control import registry
@@ -30,11 +29,10 @@ from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import TrainingRoads, validation_roads
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model, effects_from
+from mrdamp.model.core import Array
 from mrdamp.simulation.roads import Road, read_road
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cars import QuarterCar
-
-Array = NDArray[np.float64]
 
 #: RMS over the scales under the default loads and commands that change evenly between none and the largest.
 _TYPICAL = {

@@ -7,14 +7,12 @@ from itertools import pairwise
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.envs.car_xml import car_xml
 from mrdamp.envs.view import View, connector
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.structures.cars import QuarterCar
-
-Array = NDArray[np.float64]
 
 # No orange but the current's.
 _ROAD, _COIL = np.array([0.30, 0.32, 0.35, 1.0]), np.array([0.45, 0.60, 0.52, 1.0])

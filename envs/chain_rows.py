@@ -15,10 +15,9 @@ from scipy.interpolate import CubicSpline
 
 from mrdamp.envs.car_rows import CarRows
 from mrdamp.envs.frame_rows import FrameRows
+from mrdamp.model.core import Array
 from mrdamp.simulation.roads import Road
 from mrdamp.simulation.rows import ChainRows, require_finite
-
-Array = NDArray[np.float64]
 
 #: s, resolution of peaks within longer steps: the engine's own step in the frame.
 _INSTANT = 5e-4

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp import sets
 from mrdamp.control import registry
@@ -27,10 +26,10 @@ from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import some_motions, training_motions, validation_motions
 from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.model import Model, effects_from
+from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
 from mrdamp.structures import ShearFrame
 
-Array = NDArray[np.float64]
 
 def default_damper() -> Model:
     """The damper of Dyke, Spencer, Sain and Carlson 1996: modified Bouc-Wen, 3 kN, 0 to 2.25 V, driver lag."""

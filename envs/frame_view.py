@@ -7,13 +7,11 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.envs.frame_xml import frame_xml
 from mrdamp.envs.view import View, connector
 from mrdamp.model import Model
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 _COLUMN = np.array([0.30, 0.36, 0.44, 1.0])
 _BRACE = np.array([0.52, 0.47, 0.40, 1.0])

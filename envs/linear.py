@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
@@ -34,11 +33,11 @@ from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.outside import named
 from mrdamp.simulation.rows import finite
 from mrdamp.structures.mechanics import Mechanics
 
-Array = NDArray[np.float64]
 _STEP = 1e-3  # s, of the run without the damper
 
 

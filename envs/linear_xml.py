@@ -5,14 +5,13 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.envs.damper_sensors import add_damper
 from mrdamp.envs.view import View
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 _APART = 0.5  # m, of the bodies as drawn
 
 

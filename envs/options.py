@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observer
 from mrdamp.envs.loads import Range
@@ -20,9 +19,8 @@ from mrdamp.envs.sensors import stem
 from mrdamp.envs.structure import Structure
 from mrdamp.errors import InputError, require_kind, require_period
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import Stepping
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

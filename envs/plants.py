@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from mrdamp.control.base import sensor_name
 from mrdamp.envs.damper_sensors import SIGNALS, actuator_name
 from mrdamp.errors import InputError, diverged
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import Stepping, finite
 
 if TYPE_CHECKING:
     from mrdamp.envs.structure import Structure
 
-Array = NDArray[np.float64]
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
 

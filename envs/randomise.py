@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from mrdamp.envs.loads import Range
 from mrdamp.errors import Diverged, InputError, nearest, require_kind
 from mrdamp.model import Effect, Model, core
+from mrdamp.model.core import Array
 from mrdamp.model.damper import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, damper_effects
 from mrdamp.simulation.rows import ChainRows, Each, require_finite
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cables import StayCable
 from mrdamp.structures.cars import QuarterCar
 
-Array = NDArray[np.float64]
 _STRUCTURES = (ShearFrame, StayCable, QuarterCar)
 
 

@@ -6,13 +6,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 _PARTS, _TOTALS = of_dampers(2, energy=2)
 

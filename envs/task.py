@@ -24,9 +24,9 @@ from mrdamp.envs.sensors import Noise
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.weights import Score
 from mrdamp.errors import Diverged, InputError, diverged, nearest, require_kind, require_positive
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import finite
 
-Array = NDArray[np.float64]
 Kept = TypeVar("Kept")
 
 

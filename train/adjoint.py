@@ -25,12 +25,11 @@ from mrdamp.control.policy import Policy
 from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
+from mrdamp.model.core import Array
 from mrdamp.train.closed_loop import ClosedLoop, Trajectory
 from mrdamp.train.run import Progress, Run, reading
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.soft_policy import SoftPolicy
-
-Array = NDArray[np.float64]
 
 #: What the hyperparameters hold besides `Settings`. start: a set of shipped policies, or a folder of an earlier
 #: training; a training begins with the weights of its seed's policy, none: with the teacher's. loads: of a step;

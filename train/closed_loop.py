@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from mrdamp.compare.rollouts import Slopes, matter
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import HEADER
 from mrdamp.train.worlds import World
 
-Array = NDArray[np.float64]
 Act = Callable[[NDArray[np.float32]], Array]
 
 _STEP = 1e-3  # s, of the chain: peaks are within .3 % of those of a quarter of it

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.train.worlds import World
 
-Array = NDArray[np.float64]
 Act = Callable[[NDArray[np.float32]], Array]
 
 

@@ -22,7 +22,6 @@ from mrdamp.envs.task import Task
 from mrdamp.train.pool import Known
 from mrdamp.train.worlds import World
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _LIMIT = 20.0  # that the critic's numbers are cut off at

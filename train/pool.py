@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
+from mrdamp.model.core import Array
 from mrdamp.train.evaluate import forces
 from mrdamp.train.worlds import World
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

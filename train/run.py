@@ -23,13 +23,13 @@ from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
+from mrdamp.model.core import Array
 from mrdamp.shown import Shown
 from mrdamp.train.evaluate import Judge, forces
 from mrdamp.train.imitation import estimated, imitated, with_ground
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World, world
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 _EXPLORED = (8, 2500)  # rows and control periods, whole motions of them, that the whitening is taken from

@@ -14,13 +14,12 @@ from mrdamp.control.networks import Network
 from mrdamp.control.policy import velocities
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
+from mrdamp.model.core import Array
 from mrdamp.train.evaluate import episodes, forces
 from mrdamp.train.evolution import Cma, Shape, actions
 from mrdamp.train.run import Progress, Run, reading
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World
-
-Array = NDArray[np.float64]
 
 #: What the hyperparameters hold besides `Settings`: loads and candidates a generation; the first step size; the
 #: score's share for the mean current over its largest; white noise on what candidates see, in the observer's units, so

@@ -17,8 +17,7 @@ from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 
 class SoftPolicy(torch.nn.Module):

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.control.base import Controller
 from mrdamp.control.force_levels import ForceLevels
@@ -24,9 +23,8 @@ from mrdamp.envs.task import Task, divided
 from mrdamp.envs.weights import OF_DAMPERS
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.outside import NAMED
-
-Array = NDArray[np.float64]
 
 #: Worlds that share the loads where parameters are drawn. Coprime to the amplitudes, which each then has.
 _SHARING = 6

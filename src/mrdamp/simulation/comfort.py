@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import signal
 
 from mrdamp.errors import InputError
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 #: ISO 2631-1:1997, table A.1, Wk: corner frequencies (Hz) and quality factors. 1, 2: limits of the band (Butterworth);
 #: 3, 4: from acceleration to velocity; 5, 6: the upward step.
