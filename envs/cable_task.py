@@ -18,9 +18,9 @@ from mrdamp.control.cable import CableSite
 from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.cable_reward import CableReward, free_run
 from mrdamp.envs.cable_rows import CableChain, CableRows
-from mrdamp.envs.cable_view import CableView
-from mrdamp.envs.cable_xml import modal_xml
+from mrdamp.envs.cable_xml import CableView
 from mrdamp.envs.damper_sensors import SIGNALS
+from mrdamp.envs.linear_xml import linear_xml
 from mrdamp.envs.options import model_of
 from mrdamp.envs.structure import Criterion, Structure
 from mrdamp.envs.task import KindTask, Task
@@ -113,7 +113,7 @@ class Cable(Structure):
         return [f"load_{k + 1}" for k in range(len(self.cable.natural))]
 
     def mjcf(self, timestep: float, *, drawn: bool = False) -> str:
-        return modal_xml(self.cable, self.models[0], timestep)
+        return linear_xml(self.name, self.system, self.models[0], timestep, drawn=drawn)
 
     def in_full(self) -> Self:
         """At as many places as the sines can be distinguished at, between the anchorages."""

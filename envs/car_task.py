@@ -18,8 +18,7 @@ from mrdamp.control.car import CarSite
 from mrdamp.envs.car_reward import CarReward, reference_run
 from mrdamp.envs.car_roads import IsoRoads, RoadSource
 from mrdamp.envs.car_rows import CarRows
-from mrdamp.envs.car_view import CarView
-from mrdamp.envs.car_xml import car_xml
+from mrdamp.envs.car_xml import CarView, car_xml
 from mrdamp.envs.chain_rows import CarChain
 from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.frame_xml import frame_models

@@ -17,8 +17,7 @@ from mrdamp.control.base import Controller, sensor_name
 from mrdamp.envs.chain_rows import FrameChain
 from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.frame_rows import FrameRows
-from mrdamp.envs.frame_view import FrameView
-from mrdamp.envs.frame_xml import Position, frame_models, frame_xml
+from mrdamp.envs.frame_xml import FrameView, Position, frame_models, frame_xml
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut, played
 from mrdamp.envs.reward import FrameReward, reference_run
 from mrdamp.envs.structure import Criterion, Structure, largest_force

@@ -207,8 +207,7 @@ class LinearStructure(Structure, metaclass=_Kind):
         return float(self.system.frequencies[0])
 
     def mjcf(self, timestep: float, *, drawn: bool = False) -> str:
-        s = self.system
-        return linear_xml(self.name, s.mass, s.damping, s.stiffness, s.stroke, s.load, self.models[0], timestep)
+        return linear_xml(self.name, self.system, self.models[0], timestep, drawn=drawn)
 
     def view(self, task: Task, camera: str, size: tuple[int, int]) -> LinearView:
         return LinearView(self.mjcf(1e-3, drawn=True), camera, size)
