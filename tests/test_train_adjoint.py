@@ -46,7 +46,7 @@ def test_the_adjoint_is_the_difference_of_whole_closed_loops(run: AdjointRun) ->
 
     The law feeds back every signal, the leaky peak and every state of the filter.
     """
-    loads = run.world.draw(np.random.default_rng(4), 2)
+    loads = run.world.structure.some(np.random.default_rng(4), 2)
     rng = np.random.default_rng(0)
     gains = 0.02 * rng.standard_normal(run.task.observer.size)
 
@@ -218,7 +218,7 @@ def test_settings_that_it_does_not_know_are_refused(tmp_path: Path, override: st
 def test_what_is_known_ahead_is_the_motion_so_much_later(run: AdjointRun) -> None:
     """And the sweep leaves it out: no command changes the ground."""
     loop, size = ClosedLoop(run.world, 2, (0.0, 0.02)), run.task.observer.size
-    loads = run.world.draw(np.random.default_rng(1), 2)
+    loads = run.world.structure.some(np.random.default_rng(1), 2)
     seen = loop.run(loads, lambda o: run.soft.commands(o[:, :size]), 0.0, np.random.default_rng(0))
     now, later = seen.observations[:, :, size], seen.observations[:, :, size + 1]
     later_by_ten = np.concatenate([now[10:], np.zeros((10, 2))])

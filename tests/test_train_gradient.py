@@ -27,13 +27,12 @@ from mrdamp.control.policy import Policy
 from mrdamp.envs import training_loads as loads
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.sb3 import PlantVecEnv
-from mrdamp.train.asymmetric import POLICIES
+from mrdamp.train.asymmetric import POLICIES, memory, network
 from mrdamp.train.evaluate import forces
-from mrdamp.train.export import memory, network
 from mrdamp.train.gradient import CHECKPOINT, GradientRun
 from mrdamp.train.learn import train
+from mrdamp.train.lessons import PolicyAction, Whitened
 from mrdamp.train.settings import Options, settings
-from mrdamp.train.wrappers import PolicyAction, Whitened
 from refusals import refuses
 
 PERIOD = 4e-3

@@ -181,7 +181,7 @@ class AdjointRun(Run):
         """One step of Adam under loads drawn anew; the value before it."""
         key = (*self.draws.spawn_key, self._steps)
         rng = np.random.default_rng(np.random.SeedSequence(self.draws.entropy, spawn_key=key))
-        loads = self.world.draw(rng, self._loads)
+        loads = self.world.structure.some(rng, self._loads)
         worlds = self.sharing(rng, self._loads)
         value, periods = 0.0, 0
         self._adam.zero_grad()

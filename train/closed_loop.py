@@ -20,6 +20,7 @@ from mrdamp.envs.frame_task import FrameTask
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import HEADER
+from mrdamp.train.evaluate import begun
 from mrdamp.train.worlds import World
 
 Act = Callable[[NDArray[np.float32]], Array]
@@ -80,18 +81,13 @@ class ClosedLoop:
         self.scale: Array = np.zeros(0) if like is None else like.scale
         self.periods = 0  #: Simulated so far, of all rows, those of slopes included.
 
-    @property
-    def rows_each(self) -> int:
-        """Rows that a row's slopes are taken with, itself included."""
-        return len(self.moving) + 2
-
     def references(self) -> Array:
         """(n, 2) peak drift and acceleration of the frame alone under the loads of the last run."""
         return np.asarray(self.task.score.values[: self.n, :2], dtype=np.float64)
 
     def run(self, loads: Sequence[Any], act: Act, noise: float, rng: np.random.Generator) -> Trajectory:
         """Under n loads; act: commands (n,) from observations; noise: on the signals, over the observer's units."""
-        self._start(loads)
+        begun(self.task, loads)
         rows, plants, o = self.task.rows, self.task.rows.plants, self.task.observer
         lasts = rows.steps[: self.n].copy()
         t, units = int(lasts.max()), np.array(o.scales)
@@ -117,11 +113,6 @@ class ClosedLoop:
         time = self.task.rows.period * np.arange(t)[:, None] + np.array(self.ahead)
         each = [np.interp(time, m.time, m.acceleration, right=0.0) for m in loads]
         return np.stack(each, axis=1).astype(np.float32)
-
-    def _start(self, loads: Sequence[Any]) -> None:
-        rngs = [np.random.default_rng(k) for k in range(self.n)]
-        for k, load in enumerate(loads):
-            self.task.reset([k], rngs, {self.world.option: load})
 
     def _find_states(self, run: Trajectory) -> None:
         """States that change in a run and that a channel depends on, and their sizes."""

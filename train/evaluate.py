@@ -17,13 +17,18 @@ from mrdamp.train.worlds import World
 Act = Callable[[NDArray[np.float32]], Array]
 
 
+def begun(task: Task, loads: Sequence[Any]) -> NDArray[np.float32]:
+    """Observations (n, size) at the start of the n rows of a task, row k under loads[k]."""
+    rngs = [np.random.default_rng(k) for k in range(task.n)]
+    return np.concatenate([task.reset([k], rngs, {task.structure.option: load})[0] for k, load in enumerate(loads)])
+
+
 def episodes(task: Task, world: World, loads: Sequence[Any], act: Act) -> tuple[dict[str, Array], int]:
     """The world's measures (n,) of the n rows of a task, row k under loads[k], and the control periods of all rows.
 
     act: commands (n,), or (n, dampers), A or V, from observations (n, size).
     """
-    rngs = [np.random.default_rng(k) for k in range(task.n)]
-    observation = np.concatenate([task.reset([k], rngs, {world.option: load})[0] for k, load in enumerate(loads)])
+    observation = begun(task, loads)
     alive, periods = np.ones(task.n, dtype=np.bool_), 0
     columns = [task.score.NAMES.index(name) for name in world.measures]
     found = np.zeros((task.n, len(columns)))

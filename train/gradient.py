@@ -22,12 +22,9 @@ from mrdamp.control.networks import Memory, Network
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
-from mrdamp.train.asymmetric import POLICIES
-from mrdamp.train.export import memory, network
-from mrdamp.train.lessons import Lessons
-from mrdamp.train.pool import Drawn, Known, known
+from mrdamp.train.asymmetric import POLICIES, memory, network
+from mrdamp.train.lessons import Drawn, Known, Lessons, PolicyAction, Whitened, known
 from mrdamp.train.run import Progress, Run, reading
-from mrdamp.train.wrappers import PolicyAction, Whitened
 
 CHECKPOINT = "checkpoint.pt"
 _FALLING = (
@@ -39,6 +36,7 @@ _FIXED = ("venv", "class_attributes")
 _MEMORIES = ("replay_buffer", "_last_lstm_states")
 #: Of a state-dependent exploration: drawn before a rollout.
 _EXPLORATION = ("exploration_mat", "exploration_matrices")
+_SPREAD = 0.5  # of durations in the pool: up to so much longer or shorter
 _OFF_POLICY = ("ddpg", "sac", "td3")
 _FRESH = 0.1  # share of the newest actor in the mean over updates that is exported
 _NOTHING = (
@@ -60,7 +58,7 @@ class GradientRun(Run):
         base.seed(int(self.draws.generate_state(1)[0] // 2))
         venv: VecEnv = Whitened(PolicyAction(base, self.task, self.policy()), self.matrix)
         if runs:
-            exponent = self.chosen.exponent or self.world.exponent
+            exponent = self.chosen.exponent or self.world.kind.exponent
             privileged = self.chosen.privileged
             venv = Lessons(venv, self.world, self.task, runs, exponent, self.chosen.price, privileged=privileged)
             self.lessons_given = venv
@@ -157,7 +155,7 @@ class GradientRun(Run):
         """Runs of the teacher under the loads of the pool, which the task draws from."""
         if not self.chosen.pool:
             return []
-        self._loads = self.world.some(np.random.default_rng(self.pooled), self.chosen.pool)
+        self._loads = self.world.structure.some(np.random.default_rng(self.pooled), self.chosen.pool, _SPREAD)
         self._aside = self.task
         runs = self._runs()
         self.task = self.world.task(self.task.n, self.chosen.engine, Drawn([run.load for run in runs]))

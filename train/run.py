@@ -110,7 +110,7 @@ class Run(ABC):
         if self.least() and "force" not in self.task.observer.peaks:
             raise InputError("hyperparameters: least needs env_kwargs.peaks of the force")
         self.matrix = self._matrix(np.random.default_rng(explore))
-        validation = self.world.validation()
+        validation = self.world.structure.validation()
         self.judge = Judge(self.sharing(np.random.default_rng(VALIDATION_SEED), len(validation)), validation)
         self.curve: list[dict[str, float]] = []
         self._board: Any = None
@@ -199,7 +199,7 @@ class Run(ABC):
     def taught(self) -> Array:
         """(inputs,) weights whose action is nearest to the teacher's wanted force. Raises InputError."""
         assert self.levels is not None
-        loads = self.world.draw(np.random.default_rng(self.lessons), _LESSONS)
+        loads = self.world.structure.some(np.random.default_rng(self.lessons), _LESSONS)
         stage = self.world.stage(self.task, self.chosen.teacher)
         return imitated(stage, loads, self.task.observer, self.matrix, self.levels.force_max)
 
@@ -260,7 +260,7 @@ class Run(ABC):
         }
         if self.task.structure.identity:
             about["structure"] = self.task.structure.identity
-        frame = self.worlds[0].model(self.worlds[0].task(1)).structure
+        frame = self.worlds[0].task(1).structure.models[0].structure
         if frame is not None:
             about["upward"] = [upper > lower for lower, upper in frame.places]
         fresh = Observer.from_dict(self.task.observer.to_dict())
@@ -268,7 +268,7 @@ class Run(ABC):
         return Policy(
             name, self.task.rows.period, fresh, matrix, self.network(), self.command_max, self.levels, about,
             self.least(), self.teacher(), self.chosen.reach, self.memory(), self.chosen.ahead,
-            min(w.model(w.task(1)).command_lag for w in self.worlds),
+            min(w.task(1).structure.models[0].command_lag for w in self.worlds),
         )  # fmt: skip
 
     def _matrix(self, rng: np.random.Generator) -> NDArray[np.float32]:

@@ -86,7 +86,7 @@ class EvolutionRun(Run):
         key = (*self.draws.spawn_key, self.cma.generation)
         drawn = np.random.SeedSequence(self.draws.entropy, spawn_key=key)
         rng = np.random.default_rng(drawn)
-        loads = self.world.draw(rng, self.loads_count)
+        loads = self.world.structure.some(rng, self.loads_count)
         worlds = self.sharing(rng, len(loads))
         found = [self._measures(w, loads[k :: len(worlds)], layers, rng) for k, w in enumerate(worlds)]
         means = {name: np.concatenate([f[name] for f in found], axis=1).mean(axis=1) for name in found[0]}
