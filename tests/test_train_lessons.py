@@ -74,7 +74,7 @@ def test_an_episode_pays_what_the_score_gains(environment: str, exponent: float)
     other = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, OTHER))
     shares = chosen.shares
     for k, (run, moved) in enumerate(zip(runs, other, strict=True)):
-        if chosen.exponent == 2.0:
+        if chosen.kind.exponent == 2.0:
             expected = float((run.ratios - moved.ratios) @ shares)
         else:
             norms = [(r.criteria**exponent).sum(axis=0) ** (1 / exponent) for r in (run, moved)]
