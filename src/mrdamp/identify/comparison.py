@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from mrdamp.errors import InputError
 from mrdamp.identify.calibration import frequency_of
+from mrdamp.identify.excerpts import skipped
 from mrdamp.identify.fit import Fit, error, identify, simulate
 from mrdamp.identify.laws import PAPER_FOLLOWS
 from mrdamp.identify.norms import CENTIMETRE, FoamNorms, delta_2, record_norms, rmse
@@ -92,15 +93,11 @@ class RecordNorms:
 
 def record_errors(model: Model, records: Sequence[Record]) -> tuple[RecordNorms, ...]:
     """The papers' measures of a model in free run, by record; the first 20 ms do not count."""
-    found = []
-    for record in records:
-        rest, force = _without_start(record, simulate(model, record))
-        found.append(
-            RecordNorms(
-                record.name, record_norms(rest, force, CENTIMETRE), delta_2(rest.channel("force_N"), force)
-            )
-        )
-    return tuple(found)
+    parts = [_without_start(record, simulate(model, record)) for record in records]
+    return tuple(
+        RecordNorms(rest.name, record_norms(rest, force, CENTIMETRE), delta_2(rest.channel("force_N"), force))
+        for rest, force in parts
+    )
 
 
 def paper_network(
@@ -230,5 +227,5 @@ def row_of(name: str, forces: Mapping[str, Array], records: Sequence[Record], pa
 
 def _without_start(record: Record, force: Array) -> tuple[Record, Array]:
     """Both without the first 20 ms, where the unknown start state fades."""
-    skip = min(record.n // 4, int(0.02 / record.sample_time))
+    skip = skipped(record)
     return record.part(record.time[skip], record.time[-1]), np.asarray(force)[skip:]

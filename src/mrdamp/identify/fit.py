@@ -13,10 +13,9 @@ import numpy as np
 from scipy.stats import qmc
 
 from mrdamp.errors import InputError
-from mrdamp.identify.excerpts import excerpts
+from mrdamp.identify.excerpts import excerpts, is_led, skipped
 from mrdamp.identify.laws import DEPENDENCES, OF_COMMAND, Dependence, Scales, Space, dependence_for, space
 from mrdamp.identify.least_squares import bounded_least_squares
-from mrdamp.identify.start import is_led, skipped
 from mrdamp.model import Model, core, effects_from
 from mrdamp.model.core import Array
 from mrdamp.records import Record

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-import joblib
 import numpy as np
 from scipy.optimize import lsq_linear
 
@@ -20,6 +19,7 @@ from mrdamp.identify import Fit, Problem, simulate
 from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.model import core
 from mrdamp.model.core import Array
+from mrdamp.parallel import mapped
 from mrdamp.records import Record
 
 #: Below so many records, blocks in time are resampled in place of records.
@@ -84,17 +84,12 @@ def intervals(
     rng = np.random.default_rng(seed)
     counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), resamples)
     if refit:
-        found = joblib.Parallel(n_jobs=workers)(
-            joblib.delayed(_refitted)(fit, train, parts, row, point) for row in counts
-        )
+        found = mapped(_refitted, [(fit, train, parts, row, point) for row in counts], workers)
     else:
         normal = [(jacobian[p].T @ jacobian[p], jacobian[p].T @ residual[p]) for p in parts]
-        found = joblib.Parallel(n_jobs=workers)(
-            joblib.delayed(_stepped)(normal, row, point) for row in counts
-        )
-    points = np.array(found)[:, :n]
-    words = _words(fit, points, residual, jacobian)
-    return _attributes(fit, points, words)
+        found = mapped(_stepped, [(normal, row, point) for row in counts], workers)
+    points = np.array(list(found))[:, :n]
+    return _attributes(fit, points, _words(fit, points, residual, jacobian))
 
 
 def _whole(fit: Fit, problem: Problem) -> Array:

@@ -144,12 +144,8 @@ def swapped(s: Series, lead: int) -> Series:
 
 def network_inputs(lead: int, lags: Mapping[str, Sequence[int]]) -> tuple[tuple[str, int], ...]:
     """Inputs of the network for `train_narx`: motion, wanted force, measured forces."""
-    return (
-        *(("x", lag) for lag in lags["x"]),
-        *(("v", lag) for lag in lags["v"]),
-        ("i", 0),
-        *(("i", lead + lag) for lag in lags["F"]),
-    )
+    motion = [(channel, lag) for channel in "xv" for lag in lags[channel]]
+    return (*motion, ("i", 0), *(("i", lead + lag) for lag in lags["F"]))
 
 
 def train_inverse(

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
@@ -24,6 +23,7 @@ from mrdamp.narx.evaluation import free_run_error, one_step_error
 from mrdamp.narx.layers import nguyen_widrow
 from mrdamp.narx.problems import OneStep
 from mrdamp.narx.train import best_stage, blank, refine
+from mrdamp.parallel import mapped
 from mrdamp.pictures import style
 
 Progress = Callable[[str, float], None]
@@ -111,39 +111,23 @@ def try_candidate(
     with threadpool_limits(limits=1):
         net = blank(train, lagged(candidate.channels, candidate.lags), candidate.hidden)
         problem = OneStep.of(net, train, effort.most)
-        posterior = max(
-            (
-                minimise(
-                    problem,
-                    nguyen_widrow(len(net.inputs), net.hidden, np.random.default_rng((seed, number))),
-                    iterations=effort.one_step_iterations,
-                )
-                for number in range(effort.initialisations)
-            ),
-            key=lambda p: p.log_evidence,
-        )
+        rngs = [np.random.default_rng((seed, number)) for number in range(effort.initialisations)]
+        starts = [nguyen_widrow(len(net.inputs), net.hidden, rng) for rng in rngs]
+        found = [minimise(problem, start, iterations=effort.one_step_iterations) for start in starts]
+        posterior = max(found, key=lambda p: p.log_evidence)
         one = net.with_theta(posterior.theta)
         stages = [posterior]
         # Without past forces a free run is the same as a prediction one step ahead.
         for horizon in effort.horizons if net.feedback else ():
-            stages.append(
-                refine(net, train, stages[-1], horizon, most=effort.most, iterations=effort.iterations)
-            )
+            stages.append(refine(net, train, stages[-1], horizon, effort.most, effort.iterations))
         posterior = best_stage(net, stages, validation)
         free = net.with_theta(posterior.theta)
-        train_one, validation_one = (pooled([one_step_error(one, s) for s in p]) for p in (train, validation))
-        train_free, validation_free = (
-            pooled([free_run_error(free, s) for s in p]) for p in (train, validation)
-        )
-    return Trial(
-        candidate,
-        train_one,
-        validation_one,
-        train_free,
-        validation_free,
-        posterior.gamma,
-        len(posterior.theta),
-    )
+        errors = [
+            pooled([error(network, s) for s in part])
+            for network, error in ((one, one_step_error), (free, free_run_error))
+            for part in (train, validation)
+        ]
+    return Trial(candidate, *errors, posterior.gamma, len(posterior.theta))
 
 
 def select(
@@ -198,11 +182,11 @@ def select(
         pairs = [(c, seed + k) for c in dict.fromkeys(candidates) for k in range(seeds)]
         found = {pair: trial for pair in pairs if (trial := _get(store, *pair)) is not None}
         missing = [pair for pair in pairs if pair not in found]
-        jobs = (delayed(try_candidate)(c, train, validation, effort, k) for c, k in missing)
+        jobs = [(c, train, validation, effort, k) for c, k in missing]
         done += len(pairs) - len(missing)
         if progress:
             progress(f"{what}: {len(missing)} to train", done / total)
-        for pair, trial in zip(missing, Parallel(n_jobs=workers, return_as="generator")(jobs), strict=True):
+        for pair, trial in zip(missing, mapped(try_candidate, jobs, workers), strict=True):
             _put(store, trial, pair[1])
             found[pair] = trial
             done += 1
