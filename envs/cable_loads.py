@@ -10,7 +10,7 @@ import numpy as np
 from scipy import signal
 
 from mrdamp.envs.loads import Range, check_ranges, uniform
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import InputError, require_one_of, require_positive
 from mrdamp.model.core import Array
 
 AIR = 1.25  # kg/m3
@@ -86,8 +86,7 @@ class AmbientLoads:
     def __post_init__(self) -> None:
         check_ranges("ambient loads", {"rms": self.rms})
         _check_length("ambient loads", self.duration)
-        if self.shape not in ("uniform", "independent"):
-            raise InputError(f"ambient loads: shape is {self.shape!r}; allowed: uniform, independent")
+        require_one_of("ambient loads", ("uniform", "independent"), shape=self.shape)
         if not 0 < self.bandwidth < math.inf:
             raise InputError(f"ambient loads: bandwidth is {self.bandwidth}; allowed: > 0 Hz")
 

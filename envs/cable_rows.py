@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mrdamp.envs.chain_rows import Chained
 from mrdamp.envs.linear_rows import LinearChain, LinearRows
 from mrdamp.envs.sensors import Accelerometers
 from mrdamp.model.core import Array
@@ -56,14 +55,9 @@ class CableRows(LinearRows):
             self.accelerometers.state[row] = beside
 
 
-class CableChain(Chained, CableRows):
+class CableChain(CableRows, LinearChain):
     """`CableRows` on the chain."""
-
-    _build = LinearChain._build
 
     def add_noise(self, deviation: Array) -> bool:
         """As `Chained.add_noise`, but where the accelerometers have a bandwidth, which comes before their noise."""
         return self.accelerometers is None and super().add_noise(deviation)
-
-    seen = CableRows.seen
-    _beside, _put_back = CableRows._beside, CableRows._put_back

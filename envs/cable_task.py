@@ -134,7 +134,7 @@ class Cable(Structure):
         return CableLoads()
 
     def some(self, rng: np.random.Generator, count: int, spread: float = 0.0) -> list[CableLoad]:
-        return CableLoads(_DRAWN).some(rng, self.cable.length, count, spread=spread)
+        return CableLoads(_DRAWN).some(rng, count, self.cable.length, spread=spread)
 
     def validation(self) -> list[CableLoad]:
         return validation_loads(self.cable.length)

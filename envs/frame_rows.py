@@ -14,8 +14,6 @@ from mrdamp.model.core import Array
 from mrdamp.simulation.floor_sensors import FloorSensors
 
 if TYPE_CHECKING:
-    pass
-if TYPE_CHECKING:
     from mrdamp.envs.frame_task import Frame
 
 

@@ -31,7 +31,7 @@ from mrdamp.envs.structure import Criterion, Structure, largest_force
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
-from mrdamp.errors import InputError, require_kind, require_positive
+from mrdamp.errors import InputError, require_kind, require_one_of, require_positive
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.outside import named
@@ -52,9 +52,8 @@ class Goal:
     weight: float = 1.0
 
     def __post_init__(self) -> None:
-        for name, allowed in (("of", ("acceleration", "displacement")), ("how", ("rms", "peak"))):
-            if getattr(self, name) not in allowed:
-                raise InputError(f"goal: {name} is {getattr(self, name)!r}; allowed: {', '.join(allowed)}")
+        require_one_of("goal", ("acceleration", "displacement"), of=self.of)
+        require_one_of("goal", ("rms", "peak"), how=self.how)
         require_positive(f"goal of {self.place}", weight=self.weight)
 
 

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from gymnasium.vector import AutoresetMode
-
 from mrdamp.envs.linear import LinearStructure, own_kind
 from mrdamp.envs.plant_env import PlantEnv
-from mrdamp.envs.task import Task, divided
-from mrdamp.envs.vector import PlantVectorEnv
+from mrdamp.envs.vector import KindVectorEnv
 
 
 class StructureEnv(PlantEnv):
@@ -25,16 +22,9 @@ class StructureEnv(PlantEnv):
         super().__init__(**arguments)
 
 
-class StructureVectorEnv(PlantVectorEnv):
+class StructureVectorEnv(KindVectorEnv):
     """num_envs of them at once; arguments as in `StructureEnv`, threads: of the engine."""
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        structure: str | type[LinearStructure],
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        **arguments: Any,
-    ) -> None:
-        own, others = divided(own_kind(structure), arguments)
-        super().__init__(Task(own, num_envs, **others), autoreset_mode)
+    def __init__(self, num_envs: int = 1, *, structure: str | type[LinearStructure], **arguments: Any) -> None:
+        self.kind = own_kind(structure)  # type: ignore[misc]
+        super().__init__(num_envs, **arguments)

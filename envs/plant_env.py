@@ -14,7 +14,7 @@ from mrdamp.control.observe import Observation
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Episode, Task, divided
 from mrdamp.envs.view import Image, View, has_display
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import InputError, require_one_of, require_positive
 
 
 @dataclass(frozen=True)
@@ -69,15 +69,12 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         exaggeration: float | None = None,
         **arguments: Any,
     ) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise InputError(
-                f"render_mode is {render_mode!r}; allowed: {', '.join(self.metadata['render_modes'])}"
-            )
+        if render_mode is not None:
+            require_one_of("", self.metadata["render_modes"], render_mode=render_mode)
         if render_mode == "human" and not has_display():
             raise InputError("render_mode human needs a display; rgb_array with MUJOCO_GL=egl needs none")
-        cameras = self.kind.cameras
-        if camera not in (None, *cameras):
-            raise InputError(f"camera is {camera!r}; allowed: {', '.join(cameras)}")
+        camera = self.kind.cameras[0] if camera is None else camera
+        require_one_of("", self.kind.cameras, camera=camera)
         if exaggeration is not None:
             require_positive("drawing", exaggeration=exaggeration)
         if not (isinstance(size, tuple | list) and len(size) == 2 and all(isinstance(k, int) and k > 0 for k in size)):
@@ -85,13 +82,11 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         structure, others = divided(self.kind, arguments)
         self.task: Any = Task(structure, 1, **others)
         task = self.task
-        self.render_mode = render_mode
-        self.exaggeration = exaggeration
-        self.observation_space = task.observation_space
-        self.action_space = task.action_space
+        self.render_mode, self.exaggeration = render_mode, exaggeration
+        self.observation_space, self.action_space = task.observation_space, task.action_space
         modes = [mode for mode in self.metadata["render_modes"] if mode != "human" or has_display()]
         self.metadata = {"render_modes": modes, "render_fps": round(1 / task.rows.period)}
-        self._drawing = camera or cameras[0], size
+        self._drawing = camera, size
         self._view: View | None = None
 
     def reset(

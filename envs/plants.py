@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mrdamp.control.base import sensor_name
 from mrdamp.envs.damper_sensors import SIGNALS, actuator_name
-from mrdamp.errors import InputError, diverged
+from mrdamp.errors import InputError, diverged, require_one_of
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import Stepping, finite
 
@@ -345,6 +345,5 @@ def work(pull: Array, velocity: Array, after: Array, timestep: float) -> Array:
 
 def of_engine(engines: Mapping[str, Entry], engine: str) -> Entry:
     """Entry of an engine's name. Raises InputError."""
-    if engine not in engines:
-        raise InputError(f"engine is {engine!r}; allowed: {', '.join(engines)}")
+    require_one_of("", engines, engine=engine)
     return engines[engine]

@@ -194,7 +194,6 @@ class DrawnRows:
         return self.drawn[row]
 
     def add_noise(self, deviation: Array) -> bool:
-        """As the rows."""
         self._noise = deviation
         return all(row.add_noise(deviation) for row in self._rows)
 
@@ -203,15 +202,12 @@ class DrawnRows:
         self._rows[row].seed(0, rng)
 
     def start(self, row: int, load: Any) -> Array:
-        """As the rows."""
         return np.asarray(self._rows[row].start(0, load))
 
     def measure(self, rows: Sequence[int]) -> Array:
-        """As the rows."""
         return np.concatenate([self._rows[row].measure([0]) for row in rows])
 
     def advance(self, commands: Array) -> tuple[Array, Array]:
-        """As the rows."""
         if self._each is not None:
             self.plants.step += self.plants.inner
             period, values = require_finite(self._each.advance(commands))
@@ -228,12 +224,9 @@ class DrawnRows:
         return np.array([period for period, _ in found]), np.array([values for _, values in found])
 
     def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
-        """As the rows."""
-        found: tuple[list[float], list[float]] = self._rows[0].advance_one(commands)
-        return found
+        return self._rows[0].advance_one(commands)  # type: ignore[no-any-return]
 
     def position(self, row: int) -> Array:
-        """As the rows."""
         return np.asarray(self._rows[row].position(0))
 
     def save(self, row: int) -> Any:

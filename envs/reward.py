@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_one_of
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array
 
@@ -57,8 +57,7 @@ class FrameReward(Weights):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.reference not in ("uncontrolled", "passive-on"):
-            raise InputError(f"reward: reference is {self.reference!r}; allowed: uncontrolled, passive-on")
+        require_one_of("reward", ("uncontrolled", "passive-on"), reference=self.reference)
 
 
 class Reference(NamedTuple):
