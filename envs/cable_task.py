@@ -140,15 +140,12 @@ class Cable(Structure):
         return validation_loads(self.cable.length)
 
     def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
-        places = default_places(self.cable)
-        return registry.make(
-            spec, CableSite(self.cable, command_max, places, force_max, period, self.models[0])
-        )
+        site = CableSite(self.cable, command_max, default_places(self.cable), force_max, period, self.models[0])
+        return registry.make(spec, site)
 
     def load(self, rng: np.random.Generator, source: LoadSource, options: Mapping[str, Any]) -> CableLoad:
-        load = options.get("load")
-        if load is None:
-            load = source.draw(rng, self.cable.length)
+        given = options.get("load")
+        load = source.draw(rng, self.cable.length) if given is None else given
         require_kind("a CableLoad", CableLoad, load=load)
         return load
 
@@ -182,13 +179,9 @@ class Cable(Structure):
             signals = [f"acceleration_{j}" for j in many]
         amplitude, w = _LARGE * cable.length, cable.first
         here = amplitude * math.sin(math.pi * cable.damper_at)
-        scale = {
-            "stroke": here,
-            "stroke_velocity": here * w,
-            "current": float(command_max[0]),
-            "force": cable.tension * here / (cable.damper_at * cable.length),
-        }
-        scale["true_force"] = scale["force"]
+        force = cable.tension * here / (cable.damper_at * cable.length)
+        scale = {"stroke": here, "stroke_velocity": here * w, "current": float(command_max[0])}
+        scale |= {"force": force, "true_force": force}
         for j, x in zip(many, places, strict=True):
             there = amplitude * math.sin(math.pi * x)
             scale |= {f"displacement_{j}": there, f"velocity_{j}": there * w, f"acceleration_{j}": there * w * w}

@@ -181,18 +181,12 @@ class Frame(Structure):
         velocity, displacement = _STRONG / w, _STRONG / w**2
         scale = dict.fromkeys((f"acceleration_{j}" for j in floors), _STRONG)
         scale |= dict.fromkeys((f"velocity_{j}" for j in floors), velocity)
-        scale |= dict.fromkeys(
-            (f"{what}_{j}" for what in ("displacement", "drift") for j in floors), displacement
-        )
+        scale |= dict.fromkeys((f"{what}_{j}" for what in ("displacement", "drift") for j in floors), displacement)
         for k, (model, largest) in enumerate(zip(self.models, command_max.tolist(), strict=True)):
             force = largest_force(model, displacement, w, largest)
-            own = (
-                ("stroke", displacement),
-                ("stroke_velocity", velocity),
-                ("current", largest),
-                ("force", force),
-            )
-            scale |= {sensor_name(name, k): value for name, value in (*own, ("true_force", force))}
+            own = {"stroke": displacement, "stroke_velocity": velocity, "current": largest}
+            own |= {"force": force, "true_force": force}
+            scale |= {sensor_name(name, k): value for name, value in own.items()}
         return signals, scale
 
 

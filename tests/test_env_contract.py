@@ -64,7 +64,7 @@ SENSING: Mapping[str, Any] = {
     "reward": FrameReward(drift=1.0, acceleration=1.0, current=0.01, exponent=4.0),
     "model": Model(_DAMPER.law, _DAMPER.parameters, (*_DAMPER.effects, *_SENSING), "frame", dyke1996()),
 }  # fmt: skip
-KINDS = [
+KINDS: list[tuple[Any, Any, Mapping[str, Any]]] = [
     (FrameEnv, FrameVectorEnv, FRAME), (FrameEnv, FrameVectorEnv, SENSING), (CableEnv, CableVectorEnv, CABLE),
     (CarEnv, CarVectorEnv, CAR), (StructureEnv, StructureVectorEnv, OTHER),
 ]  # fmt: skip

@@ -22,9 +22,10 @@ from mrdamp.control.networks import Memory, Network
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
+from mrdamp.parallel import Progress
 from mrdamp.train.asymmetric import POLICIES, memory, network
 from mrdamp.train.lessons import Drawn, Known, Lessons, PolicyAction, Whitened, known
-from mrdamp.train.run import Progress, Run, reading
+from mrdamp.train.run import Run, reading
 
 CHECKPOINT = "checkpoint.pt"
 _FALLING = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -24,13 +24,12 @@ from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
 from mrdamp.model.core import Array
+from mrdamp.parallel import Progress
 from mrdamp.shown import Shown
 from mrdamp.train.evaluate import Judge, forces
 from mrdamp.train.imitation import estimated, imitated, with_ground
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World, world
-
-Progress = Callable[[str, float], None]
 
 _EXPLORED = (8, 2500)  # rows and control periods, whole motions of them, that the whitening is taken from
 _HELD = 50  # control periods that an action is held for there
@@ -286,6 +285,34 @@ class Run(ABC):
             )
             matrix[:, columns] = whitening(observation[:, columns])
         return matrix
+
+
+class StepRun(Run):
+    """A training by steps, each under loads that it draws anew."""
+
+    _periods = 0
+
+    @property
+    def timesteps(self) -> int:
+        return self._periods
+
+    @abstractmethod
+    def step(self) -> float:
+        """One step; the score before it."""
+
+    def learn(self, progress: Progress) -> None:
+        while self.timesteps < self.chosen.n_timesteps:
+            self.tell(progress)
+            if self.due():
+                self.evaluate()
+            self.board({"train/score": self.step()})
+        if self.curve[-1]["timesteps"] < self.timesteps:
+            self.evaluate()
+
+    def numbers(self, step: int) -> np.random.Generator:
+        """Random numbers of a step."""
+        key = (*self.draws.spawn_key, step)
+        return np.random.default_rng(np.random.SeedSequence(self.draws.entropy, spawn_key=key))
 
 
 def _require_trainable(algorithm: str, chosen: Settings, command_max: Array) -> None:

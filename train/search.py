@@ -17,7 +17,7 @@ from mrdamp.files import write_atomic
 from mrdamp.model.core import Array
 from mrdamp.train.evaluate import episodes, forces
 from mrdamp.train.evolution import Cma, Shape, actions
-from mrdamp.train.run import Progress, Run, reading
+from mrdamp.train.run import StepRun, reading
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World
 
@@ -28,7 +28,7 @@ from mrdamp.train.worlds import World
 DEFAULTS: Mapping[str, Any] = {"loads": 12, "population": 12, "sigma": 0.1, "current": 0.05, "noise": 0.0}
 
 
-class EvolutionRun(Run):
+class EvolutionRun(StepRun):
     """One training. n_envs is loads times population; a generation counts the control periods of all rows."""
 
     def __init__(self, options: Options, chosen: Settings, out: Path) -> None:
@@ -49,7 +49,6 @@ class EvolutionRun(Run):
         if chosen.teacher:
             start = self.shape.linear(start, self.taught())
         self.cma = Cma(start, self._sigma, self.population, rng)
-        self._periods = 0
         if self.resumed:
             with reading(self.checkpoint):
                 self.cma.load(self.checkpoint)
@@ -59,20 +58,10 @@ class EvolutionRun(Run):
     def checkpoint(self) -> Path:
         return self.out / "checkpoint.npz"
 
-    @property
-    def timesteps(self) -> int:
-        return self._periods
-
-    def learn(self, progress: Progress) -> None:
-        while self.timesteps < self.chosen.n_timesteps:
-            self.tell(progress)
-            if self.due():
-                self.evaluate()
-            scores = self._scores(self.cma.ask())
-            self.cma.tell(scores)
-            self.board({"train/score": float(scores.mean())})
-        if self.curve[-1]["timesteps"] < self.timesteps:
-            self.evaluate()
+    def step(self) -> float:
+        scores = self._scores(self.cma.ask())
+        self.cma.tell(scores)
+        return float(scores.mean())
 
     def network(self) -> Network:
         return self.shape.network(self.cma.average)
@@ -83,9 +72,7 @@ class EvolutionRun(Run):
     def _scores(self, candidates: Array) -> Array:
         """(population,) of candidates (population, numbers), under loads that each generation draws anew."""
         layers = self.shape.layers(candidates)
-        key = (*self.draws.spawn_key, self.cma.generation)
-        drawn = np.random.SeedSequence(self.draws.entropy, spawn_key=key)
-        rng = np.random.default_rng(drawn)
+        rng = self.numbers(self.cma.generation)
         loads = self.world.structure.some(rng, self.loads_count)
         worlds = self.sharing(rng, len(loads))
         found = [self._measures(w, loads[k :: len(worlds)], layers, rng) for k, w in enumerate(worlds)]
@@ -116,14 +103,8 @@ class EvolutionRun(Run):
                 command = np.asarray(0.5 * (action + 1.0) * self.command_max)
             else:
                 velocity = velocities(task.observer, observation, self.chosen.ahead)
-                command = self.levels.command(
-                    action * self.levels.force_max, forces(task, observation), velocity
-                )
-            return (
-                command
-                if least is None
-                else np.maximum(command, least(task.observer.peak(observation, "force")))
-            )
+                command = self.levels.command(action * self.levels.force_max, forces(task, observation), velocity)
+            return command if least is None else np.maximum(command, least(task.observer.peak(observation, "force")))
 
         found, periods = episodes(task, world, list(loads) * self.population, act)
         self._periods += periods

@@ -87,15 +87,6 @@ class SoftPolicy(torch.nn.Module):
             found = torch.maximum(found, _tensor(self._least(peak)))
         return found.clamp(max=self._command_max)
 
-    def extend(self, more: int) -> None:
-        """By inputs with a sign that follow the observations; they count for nothing at first."""
-        self._transform = torch.block_diag(self._transform, torch.eye(more))
-        self._mirror = torch.block_diag(self._mirror, -torch.eye(more))
-        pad = torch.nn.functional.pad
-        self._signs = np.append(self._signs, -np.ones(more))
-        self.teacher = torch.nn.Parameter(pad(self.teacher.detach(), (0, more)))
-        self.weights[0] = torch.nn.Parameter(pad(self.weights[0].detach(), (0, more)))
-
     def load(self, policy: Policy) -> None:
         """The weights of an exported policy, whose inputs these begin with; the others count for nothing at first.
 

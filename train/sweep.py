@@ -15,9 +15,9 @@ import numpy as np
 
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
-from mrdamp.parallel import mapped
+from mrdamp.parallel import Progress, mapped
 from mrdamp.train.learn import train
-from mrdamp.train.run import Progress, Result
+from mrdamp.train.run import Result
 from mrdamp.train.settings import Options, folder_name, settings
 
 #: Trainings in other processes leave their share in a file, which who started them reads.

@@ -20,6 +20,8 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from mrdamp.errors import InputError
 
 Result = TypeVar("Result")
+#: Of a long run: called with what is done, and a share from 0 to 1.
+Progress = Callable[[str, float], None]
 BACKENDS = ("loky", "ray")
 _watched = False
 
@@ -42,6 +44,10 @@ def mapped(
         how = "list" if backend == "ray" else "generator"
         calls = (joblib.delayed(_alone)(os.getpid(), function, *task) for task in listed)
         yield from joblib.Parallel(n_jobs=jobs, return_as=how)(calls)
+
+
+def silent(what: str, share: float) -> None:
+    """The `Progress` of a run that nobody watches."""
 
 
 def _alone(parent: int, function: Callable[..., Result], *task: Any) -> Result:

@@ -14,8 +14,8 @@ from collections.abc import Callable, Mapping
 import mujoco
 import numpy as np
 
-from mrdamp.errors import InputError
-from mrdamp.inverse.base import Extrapolation, check_period, command_range
+from mrdamp.errors import InputError, require_period
+from mrdamp.inverse.base import Extrapolation, command_range
 from mrdamp.model import Model
 from mrdamp.simulation.mjcf import mjcf
 
@@ -104,8 +104,8 @@ class LawInverse:
         difference from the model's is counted, as much of it as lasted over the horizon up to now. preview: the wanted
         force is extrapolated over the horizon by its last change (`Extrapolation`). Raises InputError.
         """
-        self.name = name
-        self.period = check_period(name, period)
+        require_period(f"inverse {name}", period)
+        self.name, self.period = name, float(period)
         self.low, self.high = command_range(model, commands)
         delay, *lags = (
             model.attributes.get(key, 0.0) for key in ("command_delay_d", "driver_lag_tau", "driver_lag_tau2")

@@ -5,7 +5,7 @@ Three searches after each other: input sets at given lags and units, then the la
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -23,10 +23,8 @@ from mrdamp.narx.evaluation import free_run_error, one_step_error
 from mrdamp.narx.layers import nguyen_widrow
 from mrdamp.narx.problems import OneStep
 from mrdamp.narx.train import best_stage, blank, refine
-from mrdamp.parallel import mapped
+from mrdamp.parallel import Progress, mapped, silent
 from mrdamp.pictures import style
-
-Progress = Callable[[str, float], None]
 
 SETS = ("xv", "xF", "vF", "xvF")  # Fig. 6
 SETS_CURRENT = ("xvi", "xiF", "viF", "xviF")  # the same under varying current
@@ -122,12 +120,13 @@ def try_candidate(
             stages.append(refine(net, train, stages[-1], horizon, effort.most, effort.iterations))
         posterior = best_stage(net, stages, validation)
         free = net.with_theta(posterior.theta)
-        errors = [
+        train_one, validation_one, train_free, validation_free = (
             pooled([error(network, s) for s in part])
             for network, error in ((one, one_step_error), (free, free_run_error))
             for part in (train, validation)
-        ]
-    return Trial(candidate, *errors, posterior.gamma, len(posterior.theta))
+        )
+    gamma, weights = posterior.gamma, len(posterior.theta)
+    return Trial(candidate, train_one, validation_one, train_free, validation_free, gamma, weights)
 
 
 def select(
@@ -175,7 +174,7 @@ def select(
         sets = SETS_CURRENT if varies else SETS
     store = Checkpoint(cache, fingerprint((train, validation), "select", asdict(effort)))
     total = (len(sets) + len(lags) + len(units)) * seeds
-    done = 0
+    done, say = 0, progress or silent
 
     def search(what: str, candidates: Sequence[Candidate]) -> tuple[Trial, ...]:
         nonlocal done
@@ -184,14 +183,12 @@ def select(
         missing = [pair for pair in pairs if pair not in found]
         jobs = [(c, train, validation, effort, k) for c, k in missing]
         done += len(pairs) - len(missing)
-        if progress:
-            progress(f"{what}: {len(missing)} to train", done / total)
+        say(f"{what}: {len(missing)} to train", done / total)
         for pair, trial in zip(missing, mapped(try_candidate, jobs, workers), strict=True):
             _put(store, trial, pair[1])
             found[pair] = trial
             done += 1
-            if progress:
-                progress(f"{what}: {_name(what, trial.candidate)}", done / total)
+            say(f"{what}: {_name(what, trial.candidate)}", done / total)
         return tuple(Trial.over([found[c, seed + k] for k in range(seeds)]) for c in candidates)
 
     by_inputs = search("inputs", [Candidate(c, first.lags, first.hidden) for c in sets])

@@ -20,9 +20,8 @@ from mrdamp.narx.data import Series, check, scaling
 from mrdamp.narx.evaluation import START, Evaluation, evaluate, free_run_error, one_step_error
 from mrdamp.narx.network import Input, Network, check_hidden, check_inputs
 from mrdamp.narx.problems import FreeRun, OneStep
-from mrdamp.parallel import mapped
+from mrdamp.parallel import Progress, mapped, silent
 
-Progress = Callable[[str, float], None]
 Score = Callable[[Network], float]
 
 #: Samples of free run from measured lags; None: whole stretches, started as the plugin starts.
@@ -150,7 +149,7 @@ def train_narx(
     rate = score or (lambda net: pooled([free_run_error(net, s) for s in chosen]))
     shape = [list(map(list, inputs)), list(hidden), seed, most, one_step_iterations, iterations]
     run = _Run(network, train, most, Checkpoint(cache, fingerprint((train,), "train", *shape)), workers,
-               progress or (lambda what, share: None))  # fmt: skip
+               progress or silent)  # fmt: skip
     starts = run.starts(initialisations, seed, one_step_iterations, 0.5 if horizons else 1.0)
     order = sorted(range(len(starts)), key=lambda k: -starts[k].log_evidence)[:refined]
     chains = [starts[k] for k in order]
