@@ -78,8 +78,13 @@ class Frame(Structure):
 
     @cached_property
     def models(self) -> tuple[Model, ...]:
-        model = Model.read(self.model) if isinstance(self.model, str | Path) else self.model
-        return placed(model, self.structure, self.damper_between)
+        given = default_damper() if self.model is None else self.model
+        model = Model.read(given) if isinstance(given, str | Path) else given
+        between = self.damper_between
+        if between is None:
+            own = self.structure or (model if isinstance(model, Model) else model[0]).structure
+            between = own.damper_between if own is not None else (0, 1)
+        return frame_models(model, self.structure, positions(between))
 
     @property
     def frame(self) -> ShearFrame:
@@ -203,17 +208,3 @@ def positions(damper_between: Position | Sequence[Position]) -> tuple[Position, 
     if pairs.ndim not in (1, 2) or pairs.shape[-1] != 2 or pairs.dtype.kind not in "iu":
         raise InputError(f"damper_between is {damper_between!r}; allowed: a pair of floors, or several pairs")
     return tuple((int(a), int(b)) for a, b in pairs.reshape(-1, 2))
-
-
-def placed(
-    model: Model | Sequence[Model] | None,
-    structure: ShearFrame | None,
-    damper_between: Position | Sequence[Position] | None,
-) -> tuple[Model, ...]:
-    """The models of the dampers at their places; None as in `FramePlant`."""
-    model = default_damper() if model is None else model
-    first = model if isinstance(model, Model) else model[0]
-    if damper_between is None:
-        own = structure or first.structure
-        damper_between = own.damper_between if own is not None else (0, 1)
-    return frame_models(model, structure, positions(damper_between))

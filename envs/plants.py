@@ -167,12 +167,10 @@ class Plants:
         return np.array(self.batch.bind("qpos")[row])
 
     def save(self, row: int) -> Moment:
-        """The row's state."""
         load, span = self._load[row, : self._last[row] + 1].copy(), (self._sample_time[row], self._steps[row])
         return Moment(np.array(self.batch.state[row]), load, float(span[0]), int(span[1]), int(self.step[row]))
 
     def restore(self, row: int, moment: Moment) -> None:
-        """Restores a saved state exactly."""
         self.batch.state[row] = moment.state
         self._give(row, moment.load, moment.sample_time, moment.steps)
         self.step[row] = moment.step
@@ -262,11 +260,9 @@ class EngineRows(ABC):
         """Restores it."""
 
     def save(self, row: int) -> tuple[Any, Any]:
-        """The row's state."""
         return self.plants.save(row), self._beside(row)
 
     def restore(self, row: int, state: tuple[Any, Any]) -> None:
-        """Restores it exactly."""
         self.plants.restore(row, state[0])
         self.steps[row] = state[0].steps // self.plants.inner
         self._put_back(row, state[1])

@@ -198,7 +198,6 @@ class DrawnRows:
         return all(row.add_noise(deviation) for row in self._rows)
 
     def seed(self, row: int, rng: np.random.Generator) -> None:
-        """As the rows, after `draw`."""
         self._rows[row].seed(0, rng)
 
     def start(self, row: int, load: Any) -> Array:
@@ -230,11 +229,9 @@ class DrawnRows:
         return np.asarray(self._rows[row].position(0))
 
     def save(self, row: int) -> Any:
-        """The row's state, with what was drawn."""
         return self.drawn[row], self._rows[row].save(0)
 
     def restore(self, row: int, state: Any) -> None:
-        """Restores it exactly."""
         self.drawn[row], moment = state
         self._rows[row] = self._made(self.drawn[row])
         self._join(row)

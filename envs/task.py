@@ -256,7 +256,6 @@ class Task:
         return observation, reward, bool(plants.step[0] >= rows.steps[0] * plants.inner), info
 
     def save(self, row: int) -> Episode:
-        """The row's state."""
         held = self.score.values, self._stack.past, self._command, self._measured
         return Episode(self.rows.save(row), *(values[row].copy() for values in held))
 

@@ -122,10 +122,6 @@ class AdjointRun(StepRun):
         columns = [j for j in range(o.size) if j not in o.without_peaks]
         return np.vstack([matrix, _PEAK * np.eye(o.size, dtype=np.float32)[columns]])
 
-    @property
-    def checkpoint(self) -> Path:
-        return self.out / "checkpoint.pt"
-
     def network(self) -> Network:
         return self.soft.network()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import random
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,6 @@ from mrdamp.train.asymmetric import POLICIES, memory, network
 from mrdamp.train.lessons import Drawn, Known, Lessons, PolicyAction, Whitened, known
 from mrdamp.train.run import Run, reading
 
-CHECKPOINT = "checkpoint.pt"
 _FALLING = (
     "linear_"  # before a learning rate that falls to zero over the training, as RL Baselines3 Zoo has `lin_`
 )
@@ -75,10 +73,6 @@ class GradientRun(Run):
         else:
             self.model = self._model(seed)
         self._require_learning()
-
-    @property
-    def checkpoint(self) -> Path:
-        return self.out / CHECKPOINT
 
     @property
     def timesteps(self) -> int:

@@ -86,6 +86,8 @@ class Run(ABC):
     """A training that is going on. n: rows of its task. Attributes: curve, as in `Result`; resumed, whether it goes on
     from a checkpoint, and reached, the control periods of that."""
 
+    kept_in: ClassVar[str] = "checkpoint.pt"
+
     def __init__(self, options: Options, chosen: Settings, out: Path, n: int) -> None:
         self.options, self.chosen, self.out = options, chosen, out
         self.world: World = world(options.environment, chosen.env_kwargs, options.model, chosen.score)
@@ -142,9 +144,9 @@ class Run(ABC):
         return self.out / "state.json"
 
     @property
-    @abstractmethod
     def checkpoint(self) -> Path:
         """The file of `save`."""
+        return self.out / self.kept_in
 
     @property
     def matrix_file(self) -> Path:

@@ -31,6 +31,8 @@ DEFAULTS: Mapping[str, Any] = {"loads": 12, "population": 12, "sigma": 0.1, "cur
 class EvolutionRun(StepRun):
     """One training. n_envs is loads times population; a generation counts the control periods of all rows."""
 
+    kept_in = "checkpoint.npz"
+
     def __init__(self, options: Options, chosen: Settings, out: Path) -> None:
         own = chosen.learner_over(DEFAULTS, "es")
         self.population, self.loads_count = int(own["population"]), int(own["loads"])
@@ -53,10 +55,6 @@ class EvolutionRun(StepRun):
             with reading(self.checkpoint):
                 self.cma.load(self.checkpoint)
             self._periods = self.reached
-
-    @property
-    def checkpoint(self) -> Path:
-        return self.out / "checkpoint.npz"
 
     def step(self) -> float:
         scores = self._scores(self.cma.ask())

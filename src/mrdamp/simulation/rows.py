@@ -266,12 +266,10 @@ class ChainRows:
         return self.state[:, begin : begin + STATES]
 
     def save(self, row: int) -> RowMoment:
-        """The row's present, to go back to."""
         load = self._load[row]
         return RowMoment(self.state[row].copy(), self._given[row], load.sample_time, load.steps)
 
     def restore(self, row: int, moment: RowMoment) -> None:
-        """Back to a saved present, exactly."""
         self._give(row, moment.load, moment.sample_time, moment.steps)
         self.state[row] = moment.state
         self.step[row] = int(moment.state[0])
