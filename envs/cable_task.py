@@ -19,7 +19,6 @@ from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.cable_reward import CableReward, free_run
 from mrdamp.envs.cable_rows import CableChain, CableRows
 from mrdamp.envs.cable_xml import CableView
-from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.linear_xml import linear_xml
 from mrdamp.envs.options import model_of
 from mrdamp.envs.structure import Criterion, Structure
@@ -28,6 +27,7 @@ from mrdamp.envs.training_loads import CableLoads, validation_loads
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
 from mrdamp.model.core import Array
+from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.structures.cables import StayCable
 from mrdamp.structures.mechanics import Mechanics
 

@@ -6,12 +6,11 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from mrdamp.envs.damper_sensors import add_damper, remove_damper
 from mrdamp.envs.view import View
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
-from mrdamp.simulation.mjcf import get, shipped
+from mrdamp.simulation.mjcf import add_damper, get, remove_damper, shipped
 from mrdamp.structures import GRAVITY, FloatArray
 from mrdamp.structures.cables import StayCable
 

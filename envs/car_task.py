@@ -20,7 +20,6 @@ from mrdamp.envs.car_roads import IsoRoads, RoadSource
 from mrdamp.envs.car_rows import CarRows
 from mrdamp.envs.car_xml import CarView, car_xml
 from mrdamp.envs.chain_rows import CarChain
-from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.frame_xml import frame_models
 from mrdamp.envs.options import model_of
 from mrdamp.envs.structure import Criterion, Structure, largest_force
@@ -29,6 +28,7 @@ from mrdamp.envs.training_loads import TrainingRoads, validation_roads
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model, effects_from
 from mrdamp.model.core import Array
+from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.simulation.roads import Road, read_road
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cars import QuarterCar

@@ -9,12 +9,11 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from mrdamp.envs.damper_sensors import add_damper, remove_damper
 from mrdamp.envs.frame_xml import strip
 from mrdamp.envs.view import View, connector
 from mrdamp.model import Model
 from mrdamp.model.core import Array
-from mrdamp.simulation.mjcf import get, shipped
+from mrdamp.simulation.mjcf import add_damper, get, remove_damper, shipped
 from mrdamp.structures.cars import QuarterCar
 
 _NEVER = 1e9  # N, on a tyre

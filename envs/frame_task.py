@@ -15,7 +15,6 @@ from mrdamp import sets
 from mrdamp.control import registry
 from mrdamp.control.base import Controller, sensor_name
 from mrdamp.envs.chain_rows import FrameChain
-from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.frame_rows import FrameRows
 from mrdamp.envs.frame_xml import FrameView, Position, frame_models, frame_xml
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut, played
@@ -27,6 +26,7 @@ from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.model import Model, effects_from
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
+from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.structures import ShearFrame
 
 

@@ -12,12 +12,11 @@ import mujoco
 import numpy as np
 
 from mrdamp.control.base import sensor_name as sensor_name
-from mrdamp.envs.damper_sensors import SIGNALS, actuator_name, add_sensor
 from mrdamp.envs.view import View, connector
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
-from mrdamp.simulation.mjcf import DRAWN, child, drop, get, mjcf
+from mrdamp.simulation.mjcf import DRAWN, SIGNALS, actuator_name, add_sensor, child, drop, get, mjcf
 from mrdamp.structures import ShearFrame, dyke1996
 
 Position = tuple[int, int]

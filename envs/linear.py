@@ -20,7 +20,6 @@ import numpy as np
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.lqg import first_order_hold
-from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.linear_rows import LinearChain, LinearRows, forces_of
 from mrdamp.envs.linear_site import LinearSite
 from mrdamp.envs.linear_xml import LinearView, linear_xml
@@ -35,6 +34,7 @@ from mrdamp.errors import InputError, require_kind, require_one_of, require_posi
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.outside import named
+from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.simulation.rows import finite
 from mrdamp.structures.mechanics import Mechanics
 

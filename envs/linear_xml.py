@@ -6,11 +6,11 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from mrdamp.envs.damper_sensors import add_damper
 from mrdamp.envs.view import View
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
+from mrdamp.simulation.mjcf import add_damper
 from mrdamp.structures.mechanics import Mechanics
 
 _APART = 0.5  # m, of the bodies as drawn

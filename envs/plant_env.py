@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation
+from mrdamp.envs.linear import LinearStructure, own_kind
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Episode, Task, divided
 from mrdamp.envs.view import Image, View, has_display
@@ -148,3 +149,16 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             raise InputError("set_state: the state is of another environment; allowed: one with the same arguments")
         self.np_random.bit_generator.state = state.generator
         self.task.restore(0, state.episode, self.np_random)
+
+
+class StructureEnv(PlantEnv):
+    """A structure of one's own under loads of its source.
+
+    structure: its class, or `file.py:NAME`. Other arguments: the fields of the class; `motions` (or its `source`),
+    where loads come from; reward: weights by goal; and those of every environment (`PlantEnv`). Observations, `info`
+    and options of `reset` are named as in the class: `acceleration_PLACE`, `GOAL_ratio`, `option`.
+    """
+
+    def __init__(self, structure: str | type[LinearStructure], **arguments: Any) -> None:
+        self.kind = own_kind(structure)  # type: ignore[misc]
+        super().__init__(**arguments)

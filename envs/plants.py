@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.base import sensor_name
-from mrdamp.envs.damper_sensors import SIGNALS, actuator_name
 from mrdamp.errors import InputError, diverged, require_one_of
 from mrdamp.model.core import Array
+from mrdamp.simulation.mjcf import SIGNALS, actuator_name
 from mrdamp.simulation.rows import Stepping, finite
 
 if TYPE_CHECKING:

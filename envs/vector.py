@@ -15,6 +15,7 @@ from mrdamp.control.observe import Observation
 from mrdamp.envs.cable_task import Cable
 from mrdamp.envs.car_task import Car
 from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.linear import LinearStructure, own_kind
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, divided
 from mrdamp.errors import InputError
@@ -143,3 +144,11 @@ class CarVectorEnv(KindVectorEnv):
     """Of `CarEnv`."""
 
     kind = Car
+
+
+class StructureVectorEnv(KindVectorEnv):
+    """Of `StructureEnv`."""
+
+    def __init__(self, num_envs: int = 1, *, structure: str | type[LinearStructure], **arguments: Any) -> None:
+        self.kind = own_kind(structure)  # type: ignore[misc]
+        super().__init__(num_envs, **arguments)

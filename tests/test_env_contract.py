@@ -34,8 +34,7 @@ from mrdamp.envs import (
     SyntheticMotions,
     default_damper,
 )
-from mrdamp.envs.own import StructureVectorEnv
-from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv
+from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv, StructureVectorEnv
 from mrdamp.model import Effect, Model
 from mrdamp.motions import GroundMotion, kanai_tajimi
 from mrdamp.simulation.roads import Road
