@@ -27,9 +27,8 @@ from mrdamp.envs.frame import FrameEnv
 from mrdamp.envs.frame_task import Frame, FrameTask, default_damper
 from mrdamp.envs.linear import Goal, LinearStructure
 from mrdamp.envs.loads import MixedMotions, RecordedMotions, SyntheticMotions
-from mrdamp.envs.own import StructureEnv
 from mrdamp.envs.plant import CablePlant, CarPlant, FramePlant, Plant
-from mrdamp.envs.plant_env import PlantEnv
+from mrdamp.envs.plant_env import PlantEnv, StructureEnv
 from mrdamp.envs.reward import FrameReward
 from mrdamp.envs.structure import Structure
 from mrdamp.registration import ENVIRONMENTS, register

@@ -19,7 +19,7 @@ class CableEnv(PlantEnv):
     motion with little current.
 
     The state is in natural coordinates of the first sines and the static shape under the damper's force
-    (`mrdamp.structures.cables.StayCable`). Each is a slide joint in MuJoCo (`mrdamp.envs.cable_xml.modal_xml`); the
+    (`mrdamp.structures.cables.StayCable`). Each is a slide joint in MuJoCo (`mrdamp.envs.linear_xml.linear_xml`); the
     damper is the plugin `mrdamp.damper` on a tendon over all of them. The slide chain with sag of `models_xml/cable`
     is the reference in the tests and the model that is rendered.
 

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
 from mrdamp.envs.loads import Range, check_ranges, uniform
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import InputError, require_one_of, require_positive
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 AIR = 1.25  # kg/m3
 _SLOW = 12  # lines below 1 / duration
 _WITHIN = 8  # points of a line's cell
@@ -87,8 +86,7 @@ class AmbientLoads:
     def __post_init__(self) -> None:
         check_ranges("ambient loads", {"rms": self.rms})
         _check_length("ambient loads", self.duration)
-        if self.shape not in ("uniform", "independent"):
-            raise InputError(f"ambient loads: shape is {self.shape!r}; allowed: uniform, independent")
+        require_one_of("ambient loads", ("uniform", "independent"), shape=self.shape)
         if not 0 < self.bandwidth < math.inf:
             raise InputError(f"ambient loads: bandwidth is {self.bandwidth}; allowed: > 0 Hz")
 

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.structures.cables import StayCable
-
-Array = NDArray[np.float64]
 
 _STEP = 1e-3  # s
 

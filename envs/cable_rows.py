@@ -6,17 +6,15 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mrdamp.envs.chain_rows import Chained
 from mrdamp.envs.linear_rows import LinearChain, LinearRows
 from mrdamp.envs.sensors import Accelerometers
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import Stepping
 
 if TYPE_CHECKING:
     from mrdamp.envs.cable_task import Cable
 
-Array = NDArray[np.float64]
 
 
 class CableRows(LinearRows):
@@ -57,14 +55,9 @@ class CableRows(LinearRows):
             self.accelerometers.state[row] = beside
 
 
-class CableChain(Chained, CableRows):
+class CableChain(CableRows, LinearChain):
     """`CableRows` on the chain."""
-
-    _build = LinearChain._build
 
     def add_noise(self, deviation: Array) -> bool:
         """As `Chained.add_noise`, but where the accelerometers have a bandwidth, which comes before their noise."""
         return self.accelerometers is None and super().add_noise(deviation)
-
-    seen = CableRows.seen
-    _beside, _put_back = CableRows._beside, CableRows._put_back

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp import sets
 from mrdamp.control import registry
@@ -19,19 +18,18 @@ from mrdamp.control.cable import CableSite
 from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.cable_reward import CableReward, free_run
 from mrdamp.envs.cable_rows import CableChain, CableRows
-from mrdamp.envs.cable_view import CableView
-from mrdamp.envs.cable_xml import modal_xml
-from mrdamp.envs.damper_sensors import SIGNALS
+from mrdamp.envs.cable_xml import CableView
+from mrdamp.envs.linear_xml import linear_xml
 from mrdamp.envs.options import model_of
 from mrdamp.envs.structure import Criterion, Structure
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import CableLoads, validation_loads
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
+from mrdamp.model.core import Array
+from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.structures.cables import StayCable
 from mrdamp.structures.mechanics import Mechanics
-
-Array = NDArray[np.float64]
 
 #: RMS over the scales under the default loads and commands that change evenly between none and the largest.
 _TYPICAL = {"acceleration_1": 10.0, "acceleration": 2.8, "force": 0.5, "true_force": 0.5, "current": 0.6}
@@ -115,7 +113,7 @@ class Cable(Structure):
         return [f"load_{k + 1}" for k in range(len(self.cable.natural))]
 
     def mjcf(self, timestep: float, *, drawn: bool = False) -> str:
-        return modal_xml(self.cable, self.models[0], timestep)
+        return linear_xml(self.name, self.system, self.models[0], timestep, drawn=drawn)
 
     def in_full(self) -> Self:
         """At as many places as the sines can be distinguished at, between the anchorages."""
@@ -136,21 +134,18 @@ class Cable(Structure):
         return CableLoads()
 
     def some(self, rng: np.random.Generator, count: int, spread: float = 0.0) -> list[CableLoad]:
-        return CableLoads(_DRAWN).some(rng, self.cable.length, count, spread=spread)
+        return CableLoads(_DRAWN).some(rng, count, self.cable.length, spread=spread)
 
     def validation(self) -> list[CableLoad]:
         return validation_loads(self.cable.length)
 
     def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
-        places = default_places(self.cable)
-        return registry.make(
-            spec, CableSite(self.cable, command_max, places, force_max, period, self.models[0])
-        )
+        site = CableSite(self.cable, command_max, default_places(self.cable), force_max, period, self.models[0])
+        return registry.make(spec, site)
 
     def load(self, rng: np.random.Generator, source: LoadSource, options: Mapping[str, Any]) -> CableLoad:
-        load = options.get("load")
-        if load is None:
-            load = source.draw(rng, self.cable.length)
+        given = options.get("load")
+        load = source.draw(rng, self.cable.length) if given is None else given
         require_kind("a CableLoad", CableLoad, load=load)
         return load
 
@@ -184,13 +179,9 @@ class Cable(Structure):
             signals = [f"acceleration_{j}" for j in many]
         amplitude, w = _LARGE * cable.length, cable.first
         here = amplitude * math.sin(math.pi * cable.damper_at)
-        scale = {
-            "stroke": here,
-            "stroke_velocity": here * w,
-            "current": float(command_max[0]),
-            "force": cable.tension * here / (cable.damper_at * cable.length),
-        }
-        scale["true_force"] = scale["force"]
+        force = cable.tension * here / (cable.damper_at * cable.length)
+        scale = {"stroke": here, "stroke_velocity": here * w, "current": float(command_max[0])}
+        scale |= {"force": force, "true_force": force}
         for j, x in zip(many, places, strict=True):
             there = amplitude * math.sin(math.pi * x)
             scale |= {f"displacement_{j}": there, f"velocity_{j}": there * w, f"acceleration_{j}": there * w * w}

@@ -1,4 +1,4 @@
-"""MJCF of a stay cable: in its natural coordinates, to be stepped, and as a chain of slides with sag."""
+"""MJCF of a stay cable as a chain of slides with sag, and its drawing: that chain, posed by the natural coordinates."""
 
 from __future__ import annotations
 
@@ -6,46 +6,15 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from mrdamp import models_xml
-from mrdamp.envs.damper_sensors import add_damper, get, remove_damper
+from mrdamp.envs.view import View
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.model.core import Array
+from mrdamp.simulation.mjcf import add_damper, get, remove_damper, shipped
 from mrdamp.structures import GRAVITY, FloatArray
 from mrdamp.structures.cables import StayCable
 
-
-def modal_xml(cable: StayCable, damper: Model | None, timestep: float) -> str:
-    """One body of 1 kg on a slide for each natural coordinate; the damper on a fixed tendon of them all.
-
-    Controls: `load_1` ... (N, on a coordinate) and `damper`. The coefficients of the tendon `stroke` are the motion
-    at the damper per unit of each coordinate.
-    """
-    root = ET.Element("mujoco", model="mrdamp_cable_modes")
-    ET.SubElement(root, "compiler", autolimits="true")
-    option = ET.SubElement(root, "option", timestep=repr(timestep), gravity="0 0 0", integrator="Euler")
-    # No limits, no equalities: the engine skips their detection.
-    ET.SubElement(option, "flag", contact="disable", constraint="disable", autoreset="disable")
-    ET.SubElement(root, "extension")
-    world, actuator = ET.SubElement(root, "worldbody"), ET.SubElement(root, "actuator")
-    stroke = ET.SubElement(ET.SubElement(root, "tendon"), "fixed", name="stroke")
-    here = cable.at(cable.damper_at)
-    for k, w in enumerate(cable.natural, 1):
-        body = ET.SubElement(world, "body", name=f"mode_{k}")
-        ET.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
-        ET.SubElement(
-            body,
-            "joint",
-            name=f"mode_{k}",
-            type="slide",
-            axis="0 0 1",
-            stiffness=repr(float(w * w)),
-            damping=repr(float(2 * cable.ratio * w)),
-        )
-        ET.SubElement(actuator, "motor", name=f"load_{k}", joint=f"mode_{k}")
-        ET.SubElement(stroke, "joint", joint=f"mode_{k}", coef=repr(float(here[k - 1])))
-    if damper is not None:
-        add_damper(root, damper, tendon="stroke")
-    return ET.tostring(root, encoding="unicode")
+_DRAWN = 50  # segments of the drawing
 
 
 def chain_xml(
@@ -59,7 +28,7 @@ def chain_xml(
     """
     if segments < 4:
         raise InputError(f"cable: {segments} segments; allowed: 4 or more")
-    root = ET.fromstring(models_xml.path("cable").read_text(encoding="utf-8"))
+    root = shipped("cable")
     get(root, "option").set("timestep", repr(timestep))
     step = cable.length / segments
     weight = cable.mass * GRAVITY
@@ -75,9 +44,8 @@ def chain_xml(
     path[:] = []
     ET.SubElement(path, "site", site="anchor_low")
     for k in range(1, segments):
-        body = ET.SubElement(
-            world, "body", name=f"node{k}", pos=f"{x[k]:.12g} 0 {z[k]:.12g}", childclass="node"
-        )
+        place = f"{x[k]:.12g} 0 {z[k]:.12g}"
+        body = ET.SubElement(world, "body", name=f"node{k}", pos=place, childclass="node")
         ET.SubElement(body, "joint", name=f"node{k}")
         ET.SubElement(body, "geom", mass=f"{cable.mass * step:.12g}")
         ET.SubElement(body, "site", name=f"node{k}")
@@ -109,8 +77,7 @@ def chain_xml(
 def _place_damper(root: ET.Element, damper: Model | None, cable: StayCable, node: int, z: FloatArray) -> None:
     """The plugin's attributes and visual elements at the damper's place; removed without a damper."""
     world = get(root, "worldbody")
-    template = ET.fromstring(models_xml.path("cable").read_text(encoding="utf-8"))
-    drawn = [get(template, f".//geom[@name='{name}']") for name in ("rod", "clamp")]
+    drawn = [get(shipped("cable"), f".//geom[@name='{name}']") for name in ("rod", "clamp")]
     remove_damper(root)
     if damper is None:
         for name in ("foot", "cylinder"):
@@ -123,3 +90,14 @@ def _place_damper(root: ET.Element, damper: Model | None, cable: StayCable, node
     for geom in drawn:
         body.append(geom)
     add_damper(root, damper, tendon="stroke")
+
+
+class CableView(View):
+    """One cable; its motion is drawn from the sagged shape at rest."""
+
+    def __init__(self, cable: StayCable, damper: Model, camera: str, size: tuple[int, int]) -> None:
+        super().__init__(chain_xml(cable, damper, _DRAWN), "cable", camera, size)
+        self.shape = cable.at(np.arange(1, _DRAWN) / _DRAWN)
+
+    def pose(self, qpos: Array, exaggeration: float) -> None:
+        self.data.qpos[:] = exaggeration * (self.shape @ qpos)

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.simulation.comfort import wk
 from mrdamp.structures.cars import QuarterCar
-
-Array = NDArray[np.float64]
 
 _PARTS, _TOTALS = of_dampers(5)
 #: Of critical: the dashpot of the linear suspension. Passenger cars have .2 to .4 (T. D. Gillespie, Fundamentals of

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.envs.frame_rows import FrameRows
 from mrdamp.envs.plants import EngineRows
+from mrdamp.model.core import Array
 from mrdamp.simulation.comfort import STATES, BlockFilter
 from mrdamp.simulation.roads import Road
 from mrdamp.simulation.rows import Stepping
@@ -17,7 +17,6 @@ from mrdamp.simulation.rows import Stepping
 if TYPE_CHECKING:
     from mrdamp.envs.car_task import Car
 
-Array = NDArray[np.float64]
 
 #: Results of one control period over all steps of the engine: columns of (n, 9).
 #: mean squares of the body's acceleration weighted by Wk, m2/s4, of the dynamic tyre load over the weight, and of the

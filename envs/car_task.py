@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp import sets
 from mrdamp.control import registry
@@ -19,10 +18,8 @@ from mrdamp.control.car import CarSite
 from mrdamp.envs.car_reward import CarReward, reference_run
 from mrdamp.envs.car_roads import IsoRoads, RoadSource
 from mrdamp.envs.car_rows import CarRows
-from mrdamp.envs.car_view import CarView
-from mrdamp.envs.car_xml import car_xml
+from mrdamp.envs.car_xml import CarView, car_xml
 from mrdamp.envs.chain_rows import CarChain
-from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.frame_xml import frame_models
 from mrdamp.envs.options import model_of
 from mrdamp.envs.structure import Criterion, Structure, largest_force
@@ -30,11 +27,11 @@ from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import TrainingRoads, validation_roads
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model, effects_from
+from mrdamp.model.core import Array
+from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.simulation.roads import Road, read_road
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cars import QuarterCar
-
-Array = NDArray[np.float64]
 
 #: RMS over the scales under the default loads and commands that change evenly between none and the largest.
 _TYPICAL = {

@@ -8,17 +8,14 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.envs.plants import EngineRows
+from mrdamp.model.core import Array
 from mrdamp.simulation.floor_sensors import FloorSensors
 
 if TYPE_CHECKING:
-    pass
-if TYPE_CHECKING:
     from mrdamp.envs.frame_task import Frame
 
-Array = NDArray[np.float64]
 
 
 class FrameRows(EngineRows):

@@ -10,16 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp import sets
 from mrdamp.control import registry
 from mrdamp.control.base import Controller, sensor_name
 from mrdamp.envs.chain_rows import FrameChain
-from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.frame_rows import FrameRows
-from mrdamp.envs.frame_view import FrameView
-from mrdamp.envs.frame_xml import Position, frame_models, frame_xml
+from mrdamp.envs.frame_xml import FrameView, Position, frame_models, frame_xml
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut, played
 from mrdamp.envs.reward import FrameReward, reference_run
 from mrdamp.envs.structure import Criterion, Structure, largest_force
@@ -27,10 +24,11 @@ from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import some_motions, training_motions, validation_motions
 from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.model import Model, effects_from
+from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
+from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.structures import ShearFrame
 
-Array = NDArray[np.float64]
 
 def default_damper() -> Model:
     """The damper of Dyke, Spencer, Sain and Carlson 1996: modified Bouc-Wen, 3 kN, 0 to 2.25 V, driver lag."""
@@ -80,8 +78,13 @@ class Frame(Structure):
 
     @cached_property
     def models(self) -> tuple[Model, ...]:
-        model = Model.read(self.model) if isinstance(self.model, str | Path) else self.model
-        return placed(model, self.structure, self.damper_between)
+        given = default_damper() if self.model is None else self.model
+        model = Model.read(given) if isinstance(given, str | Path) else given
+        between = self.damper_between
+        if between is None:
+            own = self.structure or (model if isinstance(model, Model) else model[0]).structure
+            between = own.damper_between if own is not None else (0, 1)
+        return frame_models(model, self.structure, positions(between))
 
     @property
     def frame(self) -> ShearFrame:
@@ -183,18 +186,12 @@ class Frame(Structure):
         velocity, displacement = _STRONG / w, _STRONG / w**2
         scale = dict.fromkeys((f"acceleration_{j}" for j in floors), _STRONG)
         scale |= dict.fromkeys((f"velocity_{j}" for j in floors), velocity)
-        scale |= dict.fromkeys(
-            (f"{what}_{j}" for what in ("displacement", "drift") for j in floors), displacement
-        )
+        scale |= dict.fromkeys((f"{what}_{j}" for what in ("displacement", "drift") for j in floors), displacement)
         for k, (model, largest) in enumerate(zip(self.models, command_max.tolist(), strict=True)):
             force = largest_force(model, displacement, w, largest)
-            own = (
-                ("stroke", displacement),
-                ("stroke_velocity", velocity),
-                ("current", largest),
-                ("force", force),
-            )
-            scale |= {sensor_name(name, k): value for name, value in (*own, ("true_force", force))}
+            own = {"stroke": displacement, "stroke_velocity": velocity, "current": largest}
+            own |= {"force": force, "true_force": force}
+            scale |= {sensor_name(name, k): value for name, value in own.items()}
         return signals, scale
 
 
@@ -211,17 +208,3 @@ def positions(damper_between: Position | Sequence[Position]) -> tuple[Position, 
     if pairs.ndim not in (1, 2) or pairs.shape[-1] != 2 or pairs.dtype.kind not in "iu":
         raise InputError(f"damper_between is {damper_between!r}; allowed: a pair of floors, or several pairs")
     return tuple((int(a), int(b)) for a, b in pairs.reshape(-1, 2))
-
-
-def placed(
-    model: Model | Sequence[Model] | None,
-    structure: ShearFrame | None,
-    damper_between: Position | Sequence[Position] | None,
-) -> tuple[Model, ...]:
-    """The models of the dampers at their places; None as in `FramePlant`."""
-    model = default_damper() if model is None else model
-    first = model if isinstance(model, Model) else model[0]
-    if damper_between is None:
-        own = structure or first.structure
-        damper_between = own.damper_between if own is not None else (0, 1)
-    return frame_models(model, structure, positions(damper_between))

@@ -1,4 +1,4 @@
-"""The frame's MJCF for an environment: any number of dampers, and the sensors that rewards and energies need."""
+"""The frame's MJCF for an environment: any number of dampers, the sensors that rewards need; and its drawing."""
 
 from __future__ import annotations
 
@@ -6,17 +6,25 @@ import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
+
+import mujoco
+import numpy as np
 
 from mrdamp.control.base import sensor_name as sensor_name
-from mrdamp.envs.damper_sensors import SIGNALS, actuator_name, add_sensor, get
+from mrdamp.envs.view import View, connector
 from mrdamp.errors import InputError
 from mrdamp.model import Model
-from mrdamp.simulation.mjcf import mjcf
+from mrdamp.model.core import Array
+from mrdamp.simulation.mjcf import DRAWN, SIGNALS, actuator_name, add_sensor, child, drop, get, mjcf
 from mrdamp.structures import ShearFrame, dyke1996
 
 Position = tuple[int, int]
 
-_DRAWN_ONLY = ("asset", "visual", "statistic")
+_COLUMN = np.array([0.30, 0.36, 0.44, 1.0])
+_BRACE = np.array([0.52, 0.47, 0.40, 1.0])
+_CORNERS = ((-0.25, -0.15), (-0.25, 0.15), (0.25, -0.15), (0.25, 0.15))  # m, of the slabs
+_HALF = 0.02  # m, of a slab's thickness
 
 
 def frame_models(
@@ -51,8 +59,7 @@ def frame_xml(models: Sequence[Model], timestep: float, *, drawn: bool = False) 
     assert structure is not None
     for j in range(1, structure.storeys + 1):
         ET.SubElement(sensor, "jointvel", name=f"drift_velocity_{j}", joint=f"storey{j}")
-    for old in sensor.findall("plugin"):
-        sensor.remove(old)
+    drop(sensor, "plugin")
     for signal in SIGNALS:
         for k, model in enumerate(models):
             add_sensor(sensor, signal, sensor_name(signal, k), actuator_name(k), model)
@@ -75,19 +82,17 @@ def _add_damper(root: ET.Element, other: ET.Element, k: int) -> None:
         text = copy.deepcopy(get(other, "custom/text"))
         text.set("name", f"weights_{k + 1}")
         config.set("value", f"text:weights_{k + 1}")
-        custom = root.find("custom")
-        (ET.SubElement(root, "custom") if custom is None else custom).append(text)
+        child(root, "custom").append(text)
     tendon = actuator.get("tendon")
     if tendon is not None:
         actuator.set("tendon", f"{tendon}_{k + 1}")
         path = copy.deepcopy(get(other, "tendon/fixed"))
         path.set("name", f"{tendon}_{k + 1}")
-        group = root.find("tendon")
-        (ET.SubElement(root, "tendon") if group is None else group).append(path)
+        child(root, "tendon").append(path)
     for body in other.iter("body"):
         for geom in body.findall("geom"):
             drawn = geom.get("name")
-            if drawn in ("bracket", "cylinder", "rod", "brace_left", "brace_right", "clevis"):
+            if drawn in DRAWN:
                 part = copy.deepcopy(geom)
                 part.set("name", f"{drawn}_{k + 1}")
                 place = get(root, f".//body[@name='{body.get('name')}']")
@@ -96,13 +101,46 @@ def _add_damper(root: ET.Element, other: ET.Element, k: int) -> None:
 
 def strip(root: ET.Element) -> None:
     """Removes purely visual elements."""
-    for tag in _DRAWN_ONLY:
-        for item in root.findall(tag):
-            root.remove(item)
+    for tag in ("asset", "visual", "statistic"):
+        drop(root, tag)
     for body in root.iter("body"):
-        for tag in ("geom", "camera"):
-            for item in body.findall(tag):
-                body.remove(item)
+        drop(body, "geom")
+        drop(body, "camera")
     for default in root.iter("default"):
-        for geom in default.findall("geom"):
-            default.remove(geom)
+        drop(default, "geom")
+
+
+class FrameView(View):
+    """One frame, seen from its own table: drifts are drawn, the ground's motion is not."""
+
+    def __init__(self, models: Sequence[Model], camera: str, size: tuple[int, int]) -> None:
+        super().__init__(frame_xml(models, 1e-3, drawn=True), "frame3", camera, size)
+        m = self.model
+        structure = models[0].structure
+        assert structure is not None
+        self.floors = [m.body("table").id, *(m.body(f"floor{j}").id for j in range(1, structure.storeys + 1))]
+        self.joints = [m.joint(f"storey{j}").qposadr[0] for j in range(1, structure.storeys + 1)]
+        for k in range(m.ngeom):
+            if not m.geom(k).name and m.geom_bodyid[k] in self.floors and m.geom_size[k, 2] > 0.1:
+                m.geom_group[k] = 5  # the rigid columns: leaning ones are drawn in their place
+        m.mat("brace").rgba = _BRACE  # no orange but the current's
+        if structure.storeys > 3:  # further away, and aimed at half the height
+            top = self._height()
+            for name in ("front", "corner"):
+                m.camera(name).pos *= top / 1.66
+
+    def _height(self) -> float:
+        mujoco.mj_kinematics(self.model, self.data)
+        return float(self.data.xpos[self.floors[-1], 2])
+
+    def pose(self, qpos: Array, exaggeration: float) -> None:
+        # The row's first joint is the table's; here it stays where it is.
+        self.data.qpos[self.joints] = exaggeration * qpos[1 : 1 + len(self.joints)]
+
+    def connect(self, scene: mujoco.MjvScene) -> None:
+        places = self.data.xpos[self.floors]
+        for low, high in pairwise(places):
+            for x, y in _CORNERS:
+                corner = np.array([x, y, 0.0])
+                start = low + corner + [0, 0, 0.06 if low is places[0] else _HALF]
+                connector(scene, start, high + corner - [0, 0, _HALF], 0.009, _COLUMN)

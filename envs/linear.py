@@ -16,12 +16,10 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.lqg import first_order_hold
-from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.linear_rows import LinearChain, LinearRows, forces_of
 from mrdamp.envs.linear_site import LinearSite
 from mrdamp.envs.linear_xml import LinearView, linear_xml
@@ -32,13 +30,14 @@ from mrdamp.envs.structure import Criterion, Structure, largest_force
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
-from mrdamp.errors import InputError, require_kind, require_positive
+from mrdamp.errors import InputError, require_kind, require_one_of, require_positive
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.outside import named
+from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.simulation.rows import finite
 from mrdamp.structures.mechanics import Mechanics
 
-Array = NDArray[np.float64]
 _STEP = 1e-3  # s, of the run without the damper
 
 
@@ -53,9 +52,8 @@ class Goal:
     weight: float = 1.0
 
     def __post_init__(self) -> None:
-        for name, allowed in (("of", ("acceleration", "displacement")), ("how", ("rms", "peak"))):
-            if getattr(self, name) not in allowed:
-                raise InputError(f"goal: {name} is {getattr(self, name)!r}; allowed: {', '.join(allowed)}")
+        require_one_of("goal", ("acceleration", "displacement"), of=self.of)
+        require_one_of("goal", ("rms", "peak"), how=self.how)
         require_positive(f"goal of {self.place}", weight=self.weight)
 
 
@@ -208,8 +206,7 @@ class LinearStructure(Structure, metaclass=_Kind):
         return float(self.system.frequencies[0])
 
     def mjcf(self, timestep: float, *, drawn: bool = False) -> str:
-        s = self.system
-        return linear_xml(self.name, s.mass, s.damping, s.stiffness, s.stroke, s.load, self.models[0], timestep)
+        return linear_xml(self.name, self.system, self.models[0], timestep, drawn=drawn)
 
     def view(self, task: Task, camera: str, size: tuple[int, int]) -> LinearView:
         return LinearView(self.mjcf(1e-3, drawn=True), camera, size)

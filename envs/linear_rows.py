@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from mrdamp.envs.chain_rows import Chained
 from mrdamp.envs.plants import EngineRows
 from mrdamp.errors import InputError, require_positive
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import ChainRows
 from mrdamp.structures.mechanics import Mechanics
 
-Array = NDArray[np.float64]
 _ROUNDING = 1e-6
 
 

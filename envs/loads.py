@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
-from mrdamp.errors import InputError, require_kind
+from mrdamp.errors import InputError, require_kind, require_one_of
 from mrdamp.motions import TIME_SCALE, GroundMotion, kanai_tajimi, read_motion
 
 Range = tuple[float, float]
@@ -47,27 +47,19 @@ class SyntheticMotions:
     def __post_init__(self) -> None:
         names = ("pga", "ground_frequency", "ground_damping", "rise", "plateau", "decay")
         check_ranges("synthetic motions", {name: getattr(self, name) for name in names})
-        if self.spectrum not in ("clough-penzien", "kanai-tajimi"):
-            raise InputError(
-                f"synthetic motions: spectrum is {self.spectrum!r}; allowed: clough-penzien, kanai-tajimi"
-            )
+        require_one_of("synthetic motions", ("clough-penzien", "kanai-tajimi"), spectrum=self.spectrum)
 
     def draw(self, rng: np.random.Generator) -> GroundMotion:
         seed = int(rng.integers(2**31))
         ground = rng.uniform(*self.ground_frequency)
+        pga, damping = uniform(rng, self.pga), rng.uniform(*self.ground_damping)
+        rise, plateau, decay = (rng.uniform(*span) for span in (self.rise, self.plateau, self.decay))
+        # The second filter a decade below the first; far below anything that moves, it is no filter.
+        second = 0.1 * ground if self.spectrum == "clough-penzien" else 1e-3
         motion = kanai_tajimi(
-            seed,
-            duration=self.duration,
-            sample_time=0.01,
-            pga=uniform(rng, self.pga),
-            ground_frequency=ground,
-            ground_damping=rng.uniform(*self.ground_damping),
-            # The second filter a decade below the first; far below anything that moves, it is no filter.
-            filter_frequency=0.1 * ground if self.spectrum == "clough-penzien" else 1e-3,
-            rise=rng.uniform(*self.rise),
-            plateau=rng.uniform(*self.plateau),
-            decay=rng.uniform(*self.decay),
-        )
+            seed, duration=self.duration, sample_time=0.01, pga=pga, ground_frequency=ground, ground_damping=damping,
+            filter_frequency=second, rise=rise, plateau=plateau, decay=decay,
+        )  # fmt: skip
         return motion.compressed(self.compression)
 
 
@@ -149,9 +141,7 @@ def cut(motion: GroundMotion, duration: float | None) -> GroundMotion:
     """The motion's first `duration` seconds (of its own clock, after compression), or all of it."""
     if duration is None or motion.duration <= duration:
         return motion
-    return replace(
-        motion, acceleration=motion.acceleration[: max(3, round(duration / motion.sample_time) + 1)]
-    )
+    return replace(motion, acceleration=motion.acceleration[: max(3, round(duration / motion.sample_time) + 1)])
 
 
 def uniform(rng: np.random.Generator, span: Range) -> float:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observer
 from mrdamp.envs.loads import Range
@@ -20,9 +19,8 @@ from mrdamp.envs.sensors import stem
 from mrdamp.envs.structure import Structure
 from mrdamp.errors import InputError, require_kind, require_period
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import Stepping
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,17 +77,11 @@ class TaskOptions(RowOptions):
             return super().rows(structure, n)
         return DrawnRows(super().rows(structure), self.randomise, n)
 
-    def observes(
-        self,
-        sensors: Callable[[bool], tuple[Sequence[str], Mapping[str, float]]],
-        command_max: Array,
-        typical: Mapping[str, float],
-    ) -> Observer:
+    def observes(self, structure: Structure, command_max: Array) -> Observer:
         """The observer that is given, one of its `to_dict`, or one of the structure's sensors.
 
-        sensors: of `full_state`, the default signals, and the scale of every measurement. command_max:
-        (m,) A or V. typical: RMS of signals over their scales, by name or the name without its number, that
-        `normalise` takes out. Raises InputError for a signal without a scale.
+        command_max: (m,) A or V. `normalise` takes out what is typical of a signal, by name or the name without its
+        number. Raises InputError for a signal without a scale.
         """
         if self.observer is not None and self.normalise:
             raise InputError("normalise is for the environment's own observer; allowed: that, or an observer")
@@ -97,7 +89,8 @@ class TaskOptions(RowOptions):
             return self.observer
         if self.observer is not None:
             return Observer.from_dict(self.observer)
-        default, scale = sensors(self.full_state)
+        default, scale = structure.sensors(command_max, self.full_state)
+        typical = structure.typical
         given = default if self.signals is None else self.signals
         # `acceleration_*` is that of every floor; what is no measurement is refused below.
         signals = tuple(name for one in given for name in (fnmatch.filter(scale, one) or [one]))
@@ -107,14 +100,9 @@ class TaskOptions(RowOptions):
         if self.normalise:
             scale = {name: v * typical.get(name, typical.get(stem(name), 1.0)) for name, v in scale.items()}
         return Observer(
-            signals,
-            tuple(scale[name] for name in signals),
-            self.history,
-            self.action_in_observation,
-            tuple(command_max),
-            memory=tuple(self.memory),
-            peaks=self.peaks or {},
-        )
+            signals, tuple(scale[name] for name in signals), self.history, self.action_in_observation,
+            tuple(command_max), memory=tuple(self.memory), peaks=self.peaks or {},
+        )  # fmt: skip
 
 
 def command_range(models: Sequence[Model], command_max: float | Sequence[float] | None) -> Array:

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation
+from mrdamp.envs.linear import LinearStructure, own_kind
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Episode, Task, divided
 from mrdamp.envs.view import Image, View, has_display
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import InputError, require_one_of, require_positive
 
 
 @dataclass(frozen=True)
@@ -69,15 +70,12 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         exaggeration: float | None = None,
         **arguments: Any,
     ) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise InputError(
-                f"render_mode is {render_mode!r}; allowed: {', '.join(self.metadata['render_modes'])}"
-            )
+        if render_mode is not None:
+            require_one_of("", self.metadata["render_modes"], render_mode=render_mode)
         if render_mode == "human" and not has_display():
             raise InputError("render_mode human needs a display; rgb_array with MUJOCO_GL=egl needs none")
-        cameras = self.kind.cameras
-        if camera not in (None, *cameras):
-            raise InputError(f"camera is {camera!r}; allowed: {', '.join(cameras)}")
+        camera = self.kind.cameras[0] if camera is None else camera
+        require_one_of("", self.kind.cameras, camera=camera)
         if exaggeration is not None:
             require_positive("drawing", exaggeration=exaggeration)
         if not (isinstance(size, tuple | list) and len(size) == 2 and all(isinstance(k, int) and k > 0 for k in size)):
@@ -85,13 +83,11 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         structure, others = divided(self.kind, arguments)
         self.task: Any = Task(structure, 1, **others)
         task = self.task
-        self.render_mode = render_mode
-        self.exaggeration = exaggeration
-        self.observation_space = task.observation_space
-        self.action_space = task.action_space
+        self.render_mode, self.exaggeration = render_mode, exaggeration
+        self.observation_space, self.action_space = task.observation_space, task.action_space
         modes = [mode for mode in self.metadata["render_modes"] if mode != "human" or has_display()]
         self.metadata = {"render_modes": modes, "render_fps": round(1 / task.rows.period)}
-        self._drawing = camera or cameras[0], size
+        self._drawing = camera, size
         self._view: View | None = None
 
     def reset(
@@ -153,3 +149,16 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             raise InputError("set_state: the state is of another environment; allowed: one with the same arguments")
         self.np_random.bit_generator.state = state.generator
         self.task.restore(0, state.episode, self.np_random)
+
+
+class StructureEnv(PlantEnv):
+    """A structure of one's own under loads of its source.
+
+    structure: its class, or `file.py:NAME`. Other arguments: the fields of the class; `motions` (or its `source`),
+    where loads come from; reward: weights by goal; and those of every environment (`PlantEnv`). Observations, `info`
+    and options of `reset` are named as in the class: `acceleration_PLACE`, `GOAL_ratio`, `option`.
+    """
+
+    def __init__(self, structure: str | type[LinearStructure], **arguments: Any) -> None:
+        self.kind = own_kind(structure)  # type: ignore[misc]
+        super().__init__(**arguments)

@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.base import sensor_name
-from mrdamp.envs.damper_sensors import SIGNALS, actuator_name
-from mrdamp.errors import InputError, diverged
+from mrdamp.errors import InputError, diverged, require_one_of
+from mrdamp.model.core import Array
+from mrdamp.simulation.mjcf import SIGNALS, actuator_name
 from mrdamp.simulation.rows import Stepping, finite
 
 if TYPE_CHECKING:
     from mrdamp.envs.structure import Structure
 
-Array = NDArray[np.float64]
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
 
@@ -167,12 +167,10 @@ class Plants:
         return np.array(self.batch.bind("qpos")[row])
 
     def save(self, row: int) -> Moment:
-        """The row's state."""
         load, span = self._load[row, : self._last[row] + 1].copy(), (self._sample_time[row], self._steps[row])
         return Moment(np.array(self.batch.state[row]), load, float(span[0]), int(span[1]), int(self.step[row]))
 
     def restore(self, row: int, moment: Moment) -> None:
-        """Restores a saved state exactly."""
         self.batch.state[row] = moment.state
         self._give(row, moment.load, moment.sample_time, moment.steps)
         self.step[row] = moment.step
@@ -262,11 +260,9 @@ class EngineRows(ABC):
         """Restores it."""
 
     def save(self, row: int) -> tuple[Any, Any]:
-        """The row's state."""
         return self.plants.save(row), self._beside(row)
 
     def restore(self, row: int, state: tuple[Any, Any]) -> None:
-        """Restores it exactly."""
         self.plants.restore(row, state[0])
         self.steps[row] = state[0].steps // self.plants.inner
         self._put_back(row, state[1])
@@ -345,6 +341,5 @@ def work(pull: Array, velocity: Array, after: Array, timestep: float) -> Array:
 
 def of_engine(engines: Mapping[str, Entry], engine: str) -> Entry:
     """Entry of an engine's name. Raises InputError."""
-    if engine not in engines:
-        raise InputError(f"engine is {engine!r}; allowed: {', '.join(engines)}")
+    require_one_of("", engines, engine=engine)
     return engines[engine]

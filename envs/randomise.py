@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from mrdamp.envs.loads import Range
 from mrdamp.errors import Diverged, InputError, nearest, require_kind
 from mrdamp.model import Effect, Model, core
+from mrdamp.model.core import Array
 from mrdamp.model.damper import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, damper_effects
 from mrdamp.simulation.rows import ChainRows, Each, require_finite
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cables import StayCable
 from mrdamp.structures.cars import QuarterCar
 
-Array = NDArray[np.float64]
 _STRUCTURES = (ShearFrame, StayCable, QuarterCar)
 
 
@@ -194,24 +194,19 @@ class DrawnRows:
         return self.drawn[row]
 
     def add_noise(self, deviation: Array) -> bool:
-        """As the rows."""
         self._noise = deviation
         return all(row.add_noise(deviation) for row in self._rows)
 
     def seed(self, row: int, rng: np.random.Generator) -> None:
-        """As the rows, after `draw`."""
         self._rows[row].seed(0, rng)
 
     def start(self, row: int, load: Any) -> Array:
-        """As the rows."""
         return np.asarray(self._rows[row].start(0, load))
 
     def measure(self, rows: Sequence[int]) -> Array:
-        """As the rows."""
         return np.concatenate([self._rows[row].measure([0]) for row in rows])
 
     def advance(self, commands: Array) -> tuple[Array, Array]:
-        """As the rows."""
         if self._each is not None:
             self.plants.step += self.plants.inner
             period, values = require_finite(self._each.advance(commands))
@@ -228,20 +223,15 @@ class DrawnRows:
         return np.array([period for period, _ in found]), np.array([values for _, values in found])
 
     def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
-        """As the rows."""
-        found: tuple[list[float], list[float]] = self._rows[0].advance_one(commands)
-        return found
+        return self._rows[0].advance_one(commands)  # type: ignore[no-any-return]
 
     def position(self, row: int) -> Array:
-        """As the rows."""
         return np.asarray(self._rows[row].position(0))
 
     def save(self, row: int) -> Any:
-        """The row's state, with what was drawn."""
         return self.drawn[row], self._rows[row].save(0)
 
     def restore(self, row: int, state: Any) -> None:
-        """Restores it exactly."""
         self.drawn[row], moment = state
         self._rows[row] = self._made(self.drawn[row])
         self._join(row)

@@ -6,13 +6,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_one_of
 from mrdamp.model import Model, core
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 _PARTS, _TOTALS = of_dampers(2, energy=2)
 
@@ -59,8 +57,7 @@ class FrameReward(Weights):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.reference not in ("uncontrolled", "passive-on"):
-            raise InputError(f"reward: reference is {self.reference!r}; allowed: uncontrolled, passive-on")
+        require_one_of("reward", ("uncontrolled", "passive-on"), reference=self.reference)
 
 
 class Reference(NamedTuple):

@@ -6,12 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter
 
 from mrdamp.errors import InputError, require_positive
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 
 def stem(name: str) -> str:

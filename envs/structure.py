@@ -9,11 +9,11 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.envs.randomise import varied
 from mrdamp.envs.weights import Weights
 from mrdamp.model import Model, core
+from mrdamp.model.core import Array
 
 if TYPE_CHECKING:
     from mrdamp.control.base import Controller
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from mrdamp.envs.task import Task
     from mrdamp.envs.view import View
 
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

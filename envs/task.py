@@ -24,9 +24,9 @@ from mrdamp.envs.sensors import Noise
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.weights import Score
 from mrdamp.errors import Diverged, InputError, diverged, nearest, require_kind, require_positive
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import finite
 
-Array = NDArray[np.float64]
 Kept = TypeVar("Kept")
 
 
@@ -102,9 +102,7 @@ class Task:
         self.loads = structure.loads() if loads is None else loads
         self.weights = structure.reward(reward)
         self.command_max = command_max = rows.command_max
-        observer = given.observes(
-            lambda full: self.structure.sensors(command_max, full), command_max, structure.typical
-        )
+        observer = given.observes(self.structure, command_max)
         self.rows, self.score, self.observer, self.n = rows, Score(self.weights, n), observer, n
         self.noise = Noise(given.noise or {}, rows.names)
         self.disturbed = given.noise, given.randomise
@@ -186,10 +184,7 @@ class Task:
         return np.asarray(np.minimum(np.maximum(share, 0.0), 1.0) * self.command_max)
 
     def reset(
-        self,
-        rows: Sequence[int],
-        rngs: Sequence[np.random.Generator],
-        options: Mapping[str, Any] | None = None,
+        self, rows: Sequence[int], rngs: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None
     ) -> tuple[Observation, list[dict[str, Any]]]:
         """Starts rows anew: observations (rows, size) and one info each. rngs: a generator for each of all n rows."""
         require_kind("options by name", Mapping, **{"reset: options": options})
@@ -261,14 +256,8 @@ class Task:
         return observation, reward, bool(plants.step[0] >= rows.steps[0] * plants.inner), info
 
     def save(self, row: int) -> Episode:
-        """The row's state."""
-        return Episode(
-            self.rows.save(row),
-            self.score.values[row].copy(),
-            self._stack.past[row].copy(),
-            self._command[row].copy(),
-            self._measured[row].copy(),
-        )
+        held = self.score.values, self._stack.past, self._command, self._measured
+        return Episode(self.rows.save(row), *(values[row].copy() for values in held))
 
     def restore(self, row: int, episode: Episode, rng: np.random.Generator) -> None:
         """Restores a saved state exactly; rng: where noise comes from."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,9 +51,7 @@ class Pulses:
         since = (motion.time - middle) / period
         wave = np.exp(-2 * since**2) * np.cos(2 * np.pi * (since + rng.random()))
         values = motion.acceleration + motion.pga * rng.uniform(*self.size) * wave
-        return replace(
-            motion, acceleration=values * motion.pga / np.abs(values).max(), name=f"{motion.name}_pulse"
-        )
+        return replace(motion, acceleration=values * motion.pga / np.abs(values).max(), name=f"{motion.name}_pulse")
 
 
 def _kinds(duration: float, plateau: float, pga: tuple[float, float]) -> list[Pulses]:
@@ -121,36 +120,49 @@ def some_motions(
     return [motion.scaled(factor / motion.pga) for motion, factor in zip(drawn, factors, strict=True)]
 
 
-Lasting = TypeVar("Lasting", "CableLoads", "TrainingRoads")
+@dataclass(frozen=True)
+class _Lasting(ABC):
+    """Loads of several sources, one of them for each episode. duration: s."""
+
+    duration: float = 20.0
+
+    @property
+    @abstractmethod
+    def sources(self) -> tuple[Any, ...]:
+        """Of loads of the duration."""
+
+    def some(self, rng: np.random.Generator, count: int, *about: Any, spread: float = 0.0) -> list[Any]:
+        """count loads, of each source in turn; about: of `draw`; spread: as of `some_motions`."""
+        found = []
+        for k in range(count):
+            lasts = self.duration * float(rng.uniform(1.0 - spread, 1.0 + spread)) if spread else self.duration
+            sources = replace(self, duration=lasts).sources
+            found.append(sources[k % len(sources)].draw(rng, *about))
+        return found
+
+    def draw(self, rng: np.random.Generator, *about: Any) -> Any:
+        """about: what a load is drawn for, as the length of a cable, m."""
+        return self.sources[int(rng.integers(len(self.sources)))].draw(rng, *about)
 
 
 @dataclass(frozen=True)
-class CableLoads:
-    """Wind and ambient loads of `duration` s, one of them for each episode."""
-
-    duration: float = 20.0
+class CableLoads(_Lasting):
+    """Wind and ambient loads."""
 
     @property
     def sources(self) -> tuple[LoadSource, ...]:
         d = self.duration
         return WindLoads(duration=d), AmbientLoads(duration=d), AmbientLoads(shape="uniform", duration=d)
 
-    def some(self, rng: np.random.Generator, length: float, count: int, spread: float = 0.0) -> list[CableLoad]:
-        """count loads, of each source in turn; spread: as of `some_motions`."""
-        return [_in_turn(_lasting(self, rng, spread).sources, k).draw(rng, length) for k in range(count)]
-
-    def draw(self, rng: np.random.Generator, length: float) -> CableLoad:
-        return self.sources[int(rng.integers(len(self.sources)))].draw(rng, length)
-
 
 def validation_loads(length: float, count: int = 12) -> list[CableLoad]:
     """count loads on a cable of `length` m, drawn apart from those of training."""
-    return CableLoads().some(np.random.default_rng([VALIDATION_SEED, 2]), length, count)
+    return CableLoads().some(np.random.default_rng([VALIDATION_SEED, 2]), count, length)
 
 
 @dataclass(frozen=True)
-class TrainingRoads:
-    """Roads of ISO 8608 of each class, and bumps: one of them for each episode. duration: s, of a road."""
+class TrainingRoads(_Lasting):
+    """Roads of ISO 8608 of each class, and bumps, which have a duration of their own."""
 
     duration: float = 10.0
 
@@ -158,25 +170,7 @@ class TrainingRoads:
     def sources(self) -> tuple[RoadSource, ...]:
         return (*(IsoRoads((c,), (8.0, 32.0), self.duration) for c in CLASSES), Bumps())
 
-    def some(self, rng: np.random.Generator, count: int, spread: float = 0.0) -> list[Road]:
-        """count roads, of each source in turn; spread: as of `some_motions`."""
-        return [_in_turn(_lasting(self, rng, spread).sources, k).draw(rng) for k in range(count)]
-
-    def draw(self, rng: np.random.Generator) -> Road:
-        return self.sources[int(rng.integers(len(self.sources)))].draw(rng)
-
 
 def validation_roads(count: int = 40) -> list[Road]:
     """count roads, drawn apart from those of training."""
     return TrainingRoads().some(np.random.default_rng([VALIDATION_SEED, 3]), count)
-
-
-def _lasting(source: Lasting, rng: np.random.Generator, spread: float) -> Lasting:
-    """The source of a duration up to a share longer or shorter."""
-    if not spread:
-        return source
-    return replace(source, duration=source.duration * float(rng.uniform(1.0 - spread, 1.0 + spread)))
-
-
-def _in_turn(sources: Sequence[Any], k: int) -> Any:
-    return sources[k % len(sources)]

@@ -15,6 +15,7 @@ from mrdamp.control.observe import Observation
 from mrdamp.envs.cable_task import Cable
 from mrdamp.envs.car_task import Car
 from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.linear import LinearStructure, own_kind
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, divided
 from mrdamp.errors import InputError
@@ -53,11 +54,8 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         if not flags:
             raise InputError(f"reset: reset_mask is {mask!r}; allowed: {self.num_envs} flags, some set")
         rows = list(range(self.num_envs)) if mask is None else np.flatnonzero(mask).tolist()
-        seeds = (
-            seed
-            if isinstance(seed, Sequence)
-            else [None if seed is None else seed + k for k in range(self.num_envs)]
-        )
+        each = range(self.num_envs)
+        seeds = seed if isinstance(seed, Sequence) else [None if seed is None else seed + k for k in each]
         if len(seeds) != self.num_envs:
             raise InputError(f"{len(seeds)} seeds for {self.num_envs} environments")
         for row in rows:
@@ -78,16 +76,12 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         mask = np.ones(self.num_envs, dtype=np.bool_)
         mask[again] = False
         infos: dict[str, Any] = {}
-        for k, name in enumerate(self.task.score.NAMES):
-            infos[name], infos[f"_{name}"] = step.info[:, k], mask
+        for name, column in zip(self.task.score.NAMES, step.info.T, strict=True):
+            infos[name], infos[f"_{name}"] = column, mask
         if again:
             step.info[again] = 0.0
             reward[again], over[again] = 0.0, False
-            infos = (
-                {**infos, **self._restart(again, {})}
-                if len(again) < self.num_envs
-                else self._restart(again, {})
-            )
+            infos = (infos if len(again) < self.num_envs else {}) | self._restart(again, {})
         self._over = over.copy()
         if self.autoreset_mode is AutoresetMode.SAME_STEP and over.any():
             infos = self._same_step(np.flatnonzero(over).tolist(), infos)
@@ -107,12 +101,7 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         if ended.all():
             infos = {}
         infos |= self._restart(rows, {})
-        return infos | {
-            "final_obs": final_obs,
-            "_final_obs": ended,
-            "final_info": final,
-            "_final_info": ended,
-        }
+        return infos | {"final_obs": final_obs, "_final_obs": ended, "final_info": final, "_final_info": ended}
 
     def _restart(self, rows: list[int], options: dict[str, Any]) -> dict[str, Any]:
         observation, each = self.task.reset(rows, self._rngs, options)
@@ -123,7 +112,7 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         return infos
 
 
-class _KindVectorEnv(PlantVectorEnv):
+class KindVectorEnv(PlantVectorEnv):
     """num_envs structures of a kind at once; arguments as in their environment, threads: of the engine."""
 
     kind: ClassVar[type[Structure]]
@@ -139,19 +128,27 @@ class _KindVectorEnv(PlantVectorEnv):
         super().__init__(Task(structure, num_envs, **others), autoreset_mode)
 
 
-class FrameVectorEnv(_KindVectorEnv):
+class FrameVectorEnv(KindVectorEnv):
     """Of `FrameEnv`."""
 
     kind = Frame
 
 
-class CableVectorEnv(_KindVectorEnv):
+class CableVectorEnv(KindVectorEnv):
     """Of `CableEnv`."""
 
     kind = Cable
 
 
-class CarVectorEnv(_KindVectorEnv):
+class CarVectorEnv(KindVectorEnv):
     """Of `CarEnv`."""
 
     kind = Car
+
+
+class StructureVectorEnv(KindVectorEnv):
+    """Of `StructureEnv`."""
+
+    def __init__(self, num_envs: int = 1, *, structure: str | type[LinearStructure], **arguments: Any) -> None:
+        self.kind = own_kind(structure)  # type: ignore[misc]
+        super().__init__(num_envs, **arguments)

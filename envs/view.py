@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from mrdamp import models_xml
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 _OFF, _ON = np.array([0.16, 0.35, 0.62, 1.0]), np.array([0.96, 0.49, 0.10, 1.0])  # as in the pictures

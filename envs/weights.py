@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.errors import InputError, require_kind
+from mrdamp.model.core import Array
 
-Array = NDArray[np.float64]
 _UNIT = 100.0  # of returns
 
 

@@ -15,18 +15,23 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import torch
+from numpy.typing import NDArray
 
 from mrdamp.commands.output import progress_bar
 from mrdamp.compare.summary import interval
 from mrdamp.envs.training_loads import by_motion, reported_motions
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
+from mrdamp.parallel import Progress
 from mrdamp.train.adjoint import AdjointRun
 from mrdamp.train.closed_loop import ClosedLoop
-from mrdamp.train.run import Progress
 from mrdamp.train.settings import Options, settings
+from mrdamp.train.soft_policy import SoftPolicy
+from mrdamp.train.worlds import World
 
 #: Of the 84 of the shipped training: the same periods give four times the steps. The rate is below the shipped one's,
 #: as the weights are trained already; neither was searched for.
@@ -35,10 +40,33 @@ _PERIODS = 136_000  # of a step, slopes included
 AHEAD = "", "0", "0,5,10", "0,5,10,15,20"
 
 
-def peaks(run: AdjointRun) -> np.ndarray:
+class Foreseeing(ClosedLoop):
+    """The ground's acceleration so much later, `ahead` in s, follows every observation, in m/s2."""
+
+    def __init__(self, world: World, n: int, ahead: Sequence[float]) -> None:
+        super().__init__(world, n)
+        self.ahead = ahead
+
+    def besides(self, loads: Sequence[Any], t: int) -> NDArray[np.float32]:
+        time = self.task.rows.period * np.arange(t)[:, None] + np.array(self.ahead)
+        each = [np.interp(time, m.time, m.acceleration, right=0.0) for m in loads]
+        return np.stack(each, axis=1).astype(np.float32)
+
+
+def extend(soft: SoftPolicy, more: int) -> None:
+    """By inputs with a sign that follow the observations; they count for nothing at first."""
+    soft._transform = torch.block_diag(soft._transform, torch.eye(more))
+    soft._mirror = torch.block_diag(soft._mirror, -torch.eye(more))
+    soft._signs = np.append(soft._signs, -np.ones(more))
+    pad = torch.nn.functional.pad
+    soft.teacher = torch.nn.Parameter(pad(soft.teacher.detach(), (0, more)))
+    soft.weights[0] = torch.nn.Parameter(pad(soft.weights[0].detach(), (0, more)))
+
+
+def peaks(run: AdjointRun, ahead: Sequence[float]) -> np.ndarray:
     """(motions, 2) drift and acceleration over the uncontrolled ones."""
     loads = reported_motions()
-    loop = ClosedLoop(run.loop.world, len(loads), run.loop.ahead)
+    loop = Foreseeing(run.loop.world, len(loads), ahead)
     found = loop.run(loads, run.soft.commands, 0.0, np.random.default_rng(0))
     alive = (np.arange(len(found.channels))[:, None] <= found.lasts)[:, :, None]
     largest = [(np.abs(found.channels[:, :, group]) * alive).max(axis=(0, 2)) for group in loop.groups]
@@ -51,12 +79,14 @@ def trained(seed: int, ahead: Sequence[float], steps: int, progress: Progress) -
     options = Options(algorithm="adjoint", seed=seed, overrides=overrides, timesteps=steps * _PERIODS)
     with tempfile.TemporaryDirectory() as folder:
         run = AdjointRun(options, settings(options), Path(folder))
-    run.foresee(ahead)
-    before = peaks(run)
+    run.loop = Foreseeing(run.loop.world, run.loop.n, ahead)
+    extend(run.soft, len(ahead))
+    run._begin_descent()
+    before = peaks(run, ahead)
     for k in range(steps):
         progress(f"seed {seed}, {1e3 * max(ahead, default=0):g} ms ahead", k / steps)
         run.step()
-    return before, peaks(run)
+    return before, peaks(run, ahead)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -56,6 +57,13 @@ class Network:
         for weight, bias in self.layers:
             lines += [f"weight {numbers(weight.ravel())}", f"bias {numbers(bias)}"]
         return "\n".join([*lines, "end", ""])
+
+
+def twin(net: Any) -> Network:
+    """Of a `mrdamp.narx.Network`."""
+    return Network(
+        net.sample_time, net.inputs, net.offset, net.scale, net.force_offset, net.force_scale, tuple(net.layers)
+    )
 
 
 def numbers(values: Array) -> str:

@@ -108,7 +108,7 @@ def test_semi_active_reference_numbers_within_five_percent() -> None:
 
 def test_bad_cables_get_one_line() -> None:
     refuses(lambda: ControlledCable(1.5), r"damper at 1.5 of the length")
-    refuses(lambda: ControlledCable(0.02, load="wind"), "load 'wind'")  # type: ignore[arg-type]
+    refuses(lambda: ControlledCable(0.02, load="wind"), "load is 'wind'")  # type: ignore[arg-type]
 
 
 def test_the_filter_of_a_stay_cable_finds_its_state() -> None:

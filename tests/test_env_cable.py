@@ -25,7 +25,8 @@ from mrdamp.envs import (
     WindLoads,
     cable_damper,
 )
-from mrdamp.envs.cable_xml import chain_xml, modal_xml
+from mrdamp.envs.cable_task import Cable
+from mrdamp.envs.cable_xml import chain_xml
 from mrdamp.structures.cables import StayCable
 from refusals import refuses
 
@@ -150,7 +151,7 @@ def stepped_poles(cable: StayCable, c: float) -> Array:
 
     From a free motion of all coordinates: the linear map from one step to the next that it obeys.
     """
-    model = mujoco.MjModel.from_xml_string(modal_xml(cable, dashpot(c), 1e-3))
+    model = mujoco.MjModel.from_xml_string(Cable(cable, dashpot(c)).mjcf(1e-3))
     data = mujoco.MjData(model)
     rng = np.random.default_rng(0)
     w = cable.natural

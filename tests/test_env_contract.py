@@ -34,8 +34,7 @@ from mrdamp.envs import (
     SyntheticMotions,
     default_damper,
 )
-from mrdamp.envs.own import StructureVectorEnv
-from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv
+from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv, StructureVectorEnv
 from mrdamp.model import Effect, Model
 from mrdamp.motions import GroundMotion, kanai_tajimi
 from mrdamp.simulation.roads import Road
@@ -64,7 +63,7 @@ SENSING: Mapping[str, Any] = {
     "reward": FrameReward(drift=1.0, acceleration=1.0, current=0.01, exponent=4.0),
     "model": Model(_DAMPER.law, _DAMPER.parameters, (*_DAMPER.effects, *_SENSING), "frame", dyke1996()),
 }  # fmt: skip
-KINDS = [
+KINDS: list[tuple[Any, Any, Mapping[str, Any]]] = [
     (FrameEnv, FrameVectorEnv, FRAME), (FrameEnv, FrameVectorEnv, SENSING), (CableEnv, CableVectorEnv, CABLE),
     (CarEnv, CarVectorEnv, CAR), (StructureEnv, StructureVectorEnv, OTHER),
 ]  # fmt: skip

@@ -136,13 +136,13 @@ def test_default_returns_rank_as_the_reported_criteria(
     """Constant commands and classical controllers, by the mean of what `mrdamp compare` reports of each."""
     given = world(environment, arguments)
     task = given.task(1)
-    loads, largest = given.draw(np.random.default_rng(5), 4), float(task.command_max[0])
+    loads, largest = given.structure.some(np.random.default_rng(5), 4), float(task.command_max[0])
     constants: list[Any] = [Constant(value=u * largest) for u in (0.0, 0.1, 0.25, 0.5, 1.0)]
     returns, criteria = [], []
     for controller in (*constants, *(given.stage(task, spec).controller for spec in specs)):
         total, found = 0.0, np.zeros(len(measures))
         for load in loads:
-            task.reset([0], [np.random.default_rng(0)], {given.option: load})
+            task.reset([0], [np.random.default_rng(0)], {given.kind.option: load})
             controller.reset()
             over = False
             while not over:

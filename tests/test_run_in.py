@@ -7,9 +7,9 @@ import pytest
 
 from laboratory import TRUE, identifiable, rig_tests
 from mrdamp.identify import identify, simulate
+from mrdamp.identify.excerpts import skipped
 from mrdamp.identify.findings import findings
 from mrdamp.identify.intervals import intervals
-from mrdamp.identify.start import skipped
 from mrdamp.model import Model, core
 from mrdamp.records import Record
 from mrdamp.simulation.stepping import drive_rig

@@ -25,11 +25,10 @@ from mrdamp.structures import dyke1996
 from mrdamp.train.evaluate import Judge, episodes, forces
 from mrdamp.train.imitation import imitated
 from mrdamp.train.learn import train
-from mrdamp.train.reporting import Left, watched
 from mrdamp.train.run import explored, whitening
 from mrdamp.train.search import EvolutionRun
 from mrdamp.train.settings import Options, settings
-from mrdamp.train.sweep import sweep
+from mrdamp.train.sweep import Left, sweep, watched
 from mrdamp.train.worlds import world
 from refusals import refuses
 
@@ -267,7 +266,7 @@ def test_candidates_are_scored_as_the_policies_they_become(
     candidates = run.cma.ask()
     scores = run._scores(candidates)
     drawn = np.random.SeedSequence(run.draws.entropy, spawn_key=(*run.draws.spawn_key, 0))
-    judged = run.world.draw(np.random.default_rng(drawn), run.loads_count)
+    judged = run.world.structure.some(np.random.default_rng(drawn), run.loads_count)
     task = run.world.searching(len(judged))
     for candidate, score in zip(candidates, scores, strict=True):
         run.cma.average = candidate

@@ -11,11 +11,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from modules import STUDIES, loaded  # noqa: E402
 from mrdamp.compare.contenders import shipped_policies  # noqa: E402
 from mrdamp.control.policy import Policy  # noqa: E402
 from mrdamp.errors import InputError  # noqa: E402
 from mrdamp.train.adjoint import AdjointRun  # noqa: E402
-from mrdamp.train.closed_loop import ClosedLoop  # noqa: E402
 from mrdamp.train.learn import train  # noqa: E402
 from mrdamp.train.settings import Options, settings  # noqa: E402
 from refusals import refuses  # noqa: E402
@@ -46,7 +46,7 @@ def test_the_adjoint_is_the_difference_of_whole_closed_loops(run: AdjointRun) ->
 
     The law feeds back every signal, the leaky peak and every state of the filter.
     """
-    loads = run.world.draw(np.random.default_rng(4), 2)
+    loads = run.world.structure.some(np.random.default_rng(4), 2)
     rng = np.random.default_rng(0)
     gains = 0.02 * rng.standard_normal(run.task.observer.size)
 
@@ -217,8 +217,9 @@ def test_settings_that_it_does_not_know_are_refused(tmp_path: Path, override: st
 
 def test_what_is_known_ahead_is_the_motion_so_much_later(run: AdjointRun) -> None:
     """And the sweep leaves it out: no command changes the ground."""
-    loop, size = ClosedLoop(run.world, 2, (0.0, 0.02)), run.task.observer.size
-    loads = run.world.draw(np.random.default_rng(1), 2)
+    study = loaded(STUDIES / "forecast_study.py")
+    loop, size = study.Foreseeing(run.world, 2, (0.0, 0.02)), run.task.observer.size
+    loads = run.world.structure.some(np.random.default_rng(1), 2)
     seen = loop.run(loads, lambda o: run.soft.commands(o[:, :size]), 0.0, np.random.default_rng(0))
     now, later = seen.observations[:, :, size], seen.observations[:, :, size + 1]
     later_by_ten = np.concatenate([now[10:], np.zeros((10, 2))])

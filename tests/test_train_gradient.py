@@ -27,13 +27,12 @@ from mrdamp.control.policy import Policy
 from mrdamp.envs import training_loads as loads
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.sb3 import PlantVecEnv
-from mrdamp.train.asymmetric import POLICIES
+from mrdamp.train.asymmetric import POLICIES, memory, network
 from mrdamp.train.evaluate import forces
-from mrdamp.train.export import memory, network
-from mrdamp.train.gradient import CHECKPOINT, GradientRun
+from mrdamp.train.gradient import GradientRun
 from mrdamp.train.learn import train
+from mrdamp.train.lessons import PolicyAction, Whitened
 from mrdamp.train.settings import Options, settings
-from mrdamp.train.wrappers import PolicyAction, Whitened
 from refusals import refuses
 
 PERIOD = 4e-3
@@ -242,7 +241,7 @@ def test_what_is_stopped_goes_on_as_if_it_had_not(algorithm: str, own: tuple[str
 
     def weights(folder: Path) -> dict[str, Any]:
         found: dict[str, Any] = load_from_zip_file(
-            io.BytesIO(torch.load(folder / CHECKPOINT, weights_only=False)["model"]), device="cpu"
+            io.BytesIO(torch.load(folder / GradientRun.kept_in, weights_only=False)["model"]), device="cpu"
         )[1]["policy"]
         return found
 

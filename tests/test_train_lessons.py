@@ -15,8 +15,7 @@ from mrdamp.control.policy import Policy
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.envs.task import Task
 from mrdamp.simulation.roads import iso8608
-from mrdamp.train.lessons import Lessons
-from mrdamp.train.pool import Drawn, Known, known
+from mrdamp.train.lessons import Drawn, Known, Lessons, known
 from mrdamp.train.worlds import World, world
 
 FRAME, CABLE, CAR = "mrdamp/Frame-v0", "mrdamp/Cable-v0", "mrdamp/QuarterCar-v0"
@@ -41,7 +40,7 @@ def pooled(environment: str, count: int = 3) -> tuple[World, Task, list[Known]]:
     chosen = world(environment, PLAIN[environment])
     rng = np.random.default_rng(1)
     roads = [iso8608("C", 15.0, 2.0, seed) for seed in range(count)]
-    loads = roads if environment == CAR else chosen.draw(rng, count)
+    loads = roads if environment == CAR else chosen.structure.some(rng, count)
     task = chosen.task(2)
     runs = known(chosen, task, loads, constant(task, BASE))
     return chosen, chosen.task(2, "chain", Drawn([run.load for run in runs])), runs
@@ -75,7 +74,7 @@ def test_an_episode_pays_what_the_score_gains(environment: str, exponent: float)
     other = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, OTHER))
     shares = chosen.shares
     for k, (run, moved) in enumerate(zip(runs, other, strict=True)):
-        if chosen.exponent == 2.0:
+        if chosen.kind.exponent == 2.0:
             expected = float((run.ratios - moved.ratios) @ shares)
         else:
             norms = [(r.criteria**exponent).sum(axis=0) ** (1 / exponent) for r in (run, moved)]

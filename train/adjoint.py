@@ -8,7 +8,7 @@ sweep backwards, as backpropagation through time does for networks (Werbos, Proc
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,24 +25,17 @@ from mrdamp.control.policy import Policy
 from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
+from mrdamp.model.core import Array
 from mrdamp.train.closed_loop import ClosedLoop, Trajectory
-from mrdamp.train.run import Progress, Run, reading
+from mrdamp.train.run import StepRun, reading
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.soft_policy import SoftPolicy
-
-Array = NDArray[np.float64]
 
 #: What the hyperparameters hold besides `Settings`. start: a set of shipped policies, or a folder of an earlier
 #: training; a training begins with the weights of its seed's policy, none: with the teacher's. loads: of a step;
 #: learning_rate: of Adam at first, it falls along half a cosine to a twentieth; current, noise: as of the evolution
 #: strategy.
-DEFAULTS: Mapping[str, Any] = {
-    "start": None,
-    "loads": 84,
-    "learning_rate": 5e-3,
-    "current": 0.02,
-    "noise": 5e-4,
-}
+DEFAULTS: Mapping[str, Any] = {"start": None, "loads": 84, "learning_rate": 5e-3, "current": 0.02, "noise": 5e-4}
 
 #: Exponent of the norm over time in place of a peak: a tenth above it, and every near-peak has a slope. As the
 #: learning rate it was not searched for.
@@ -53,7 +46,7 @@ _LEAST_RATE = 0.05  # share of the learning rate at the end
 _PEAK = 3.0  # of the leaky peak among the network's inputs, so that it is as large as the others
 
 
-class AdjointRun(Run):
+class AdjointRun(StepRun):
     """One training. A step counts the control periods of all rows, those that slopes are taken with included."""
 
     def __init__(self, options: Options, chosen: Settings, out: Path) -> None:
@@ -77,25 +70,13 @@ class AdjointRun(Run):
             raise InputError(f"adjoint: policy_kwargs.net_arch is {hidden}; allowed: sizes of hidden layers")
         self.loop = ClosedLoop(self.world, self._loads)
         rng = np.random.default_rng(self.seed)
-        begin = (
-            np.zeros(self.inputs)
-            if self._earlier is not None
-            else self._begin(self.inputs - len(self.task.observer.peaks), given)
-        )
-        self.soft = SoftPolicy(
-            self.task.observer,
-            self.matrix,
-            begin,
-            hidden,
-            self.levels,
-            self.command_max,
-            self.least(),
-            rng,
-        )
+        o, plain = self.task.observer, self.inputs - len(self.task.observer.peaks)
+        begin = np.zeros(self.inputs) if self._earlier is not None else self._begin(plain, given)
+        self.soft = SoftPolicy(o, self.matrix, begin, hidden, self.levels, self.command_max, self.least(), rng)
         if self._earlier is not None:
             self.soft.load(self._earlier)
-        self._adam = torch.optim.Adam(self.soft.parameters(), lr=self._rate, betas=(0.9, 0.98))
-        self._periods = self._steps = 0
+        self._begin_descent()
+        self._steps = 0
         if self.resumed:
             with reading(self.checkpoint):
                 kept = torch.load(self.checkpoint, weights_only=True)
@@ -103,6 +84,9 @@ class AdjointRun(Run):
                 self.soft.load_state_dict(kept["policy"])
                 self._adam.load_state_dict(kept["adam"])
                 self._periods, self._steps = kept["periods"], kept["steps"]
+
+    def _begin_descent(self) -> None:
+        self._adam = torch.optim.Adam(self.soft.parameters(), lr=self._rate, betas=(0.9, 0.98))
 
     def _begin(self, plain: int, start: Policy | None) -> Array:
         """(inputs,) weights to begin with; none on the leaky peaks, which come behind the `plain` ones."""
@@ -138,14 +122,6 @@ class AdjointRun(Run):
         columns = [j for j in range(o.size) if j not in o.without_peaks]
         return np.vstack([matrix, _PEAK * np.eye(o.size, dtype=np.float32)[columns]])
 
-    @property
-    def checkpoint(self) -> Path:
-        return self.out / "checkpoint.pt"
-
-    @property
-    def timesteps(self) -> int:
-        return self._periods
-
     def network(self) -> Network:
         return self.soft.network()
 
@@ -163,26 +139,10 @@ class AdjointRun(Run):
         }  # fmt: skip
         write_atomic(self.checkpoint, lambda file: torch.save(kept, file))
 
-    def learn(self, progress: Progress) -> None:
-        while self.timesteps < self.chosen.n_timesteps:
-            self.tell(progress)
-            if self.due():
-                self.evaluate()
-            self.board({"train/score": self.step()})
-        if self.curve[-1]["timesteps"] < self.timesteps:
-            self.evaluate()
-
-    def foresee(self, ahead: Sequence[float]) -> None:
-        """For studies: from now on the ground's acceleration these s later is known, and no policy can be exported."""
-        self.loop = ClosedLoop(self.loop.world, self.loop.n, ahead)
-        self.soft.extend(len(ahead))
-        self._adam = torch.optim.Adam(self.soft.parameters(), lr=self._rate, betas=(0.9, 0.98))
-
     def step(self) -> float:
         """One step of Adam under loads drawn anew; the value before it."""
-        key = (*self.draws.spawn_key, self._steps)
-        rng = np.random.default_rng(np.random.SeedSequence(self.draws.entropy, spawn_key=key))
-        loads = self.world.draw(rng, self._loads)
+        rng = self.numbers(self._steps)
+        loads = self.world.structure.some(rng, self._loads)
         worlds = self.sharing(rng, self._loads)
         value, periods = 0.0, 0
         self._adam.zero_grad()

@@ -1,4 +1,5 @@
-"""An actor that observes the sensors and a critic that observes more, for every learner of stable-baselines3.
+"""An actor that observes the sensors and a critic that observes more, for every learner of stable-baselines3; and the
+deterministic actor of any of its policies for `mrdamp.control.policy`.
 
 The first k numbers of an observation are the sensors'; what follows (`mrdamp.train.lessons`) no sensor shows, and it is
 there while the critic is trained only: the actor, which alone is exported, is built on the first k.
@@ -9,6 +10,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
+import numpy as np
 import torch
 from gymnasium.spaces import Box
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
@@ -17,6 +19,11 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_
 from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
 from torch import nn
+
+from mrdamp.control.networks import Memory, Network
+from mrdamp.errors import InputError
+
+_ACTIVATIONS = {"Tanh": "tanh", "ReLU": "relu", "ELU": "elu"}
 
 
 class Front(BaseFeaturesExtractor):
@@ -135,3 +142,45 @@ POLICIES: dict[str, type[Any]] = {
     "sac": AsymmetricSac,
     "td3": AsymmetricTd3,
 }
+
+
+def network(policy: Any) -> Network:
+    """Of the policy of PPO, A2C, RecurrentPPO, SAC, TD3 or DDPG, behind its memory.
+
+    Raises InputError for one that is not layers of one activation.
+    """
+    if hasattr(policy, "averaged"):
+        modules, squash = list(policy.averaged), False
+    elif hasattr(policy, "mlp_extractor"):  # PPO, A2C: cut off at the ends of the action's range
+        modules, squash = [*policy.mlp_extractor.policy_net, policy.action_net], False
+    elif hasattr(policy.actor, "latent_pi"):  # SAC: tanh of a Gaussian's mean
+        modules, squash = [*policy.actor.latent_pi, policy.actor.mu], True
+    else:  # TD3, DDPG: the last of its modules is tanh
+        modules, squash = list(policy.actor.mu)[:-1], True
+    layers, found = [], set()
+    for module in modules:
+        if isinstance(module, nn.Linear):
+            layers.append((_numbers(module.weight), _numbers(module.bias)))
+        else:  # SAC with use_sde ends in a part that cuts its mean off, which has no name here
+            found.add(type(module).__name__)
+    if len(found) > 1 or not found <= set(_ACTIVATIONS):
+        raise InputError(f"this actor cannot be exported: it holds {', '.join(sorted(found))}")
+    activation = _ACTIVATIONS[found.pop()] if found else "identity"
+    return Network(tuple(layers), activation, squash)
+
+
+def memory(policy: Any) -> Memory | None:
+    """Of RecurrentPPO's actor; None: there is none. Raises InputError for more than one layer of it."""
+    held = getattr(policy, "lstm_actor", None)
+    if held is None:
+        return None
+    if held.num_layers != 1:
+        raise InputError(
+            f"this actor cannot be exported: its memory has {held.num_layers} layers; allowed: 1"
+        )
+    weights = _numbers(held.weight_ih_l0), _numbers(held.weight_hh_l0)
+    return Memory(*weights, _numbers(held.bias_ih_l0) + _numbers(held.bias_hh_l0))
+
+
+def _numbers(parameter: Any) -> Any:
+    return parameter.detach().numpy().astype(np.float64)

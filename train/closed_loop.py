@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from mrdamp.compare.rollouts import Slopes, matter
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.simulation.rows import HEADER
+from mrdamp.train.evaluate import begun
 from mrdamp.train.worlds import World
 
-Array = NDArray[np.float64]
 Act = Callable[[NDArray[np.float32]], Array]
 
 _STEP = 1e-3  # s, of the chain: peaks are within .3 % of those of a quarter of it
@@ -53,16 +54,13 @@ class Trajectory:
 class ClosedLoop:
     """n rows of a world's frame. Raises InputError for an observer that the sweep does not know.
 
-    ahead: s, for studies: the ground's acceleration so much later, in m/s2, follows every observation. like: another
-    of the same frame but for its parameters, whose states are these too.
+    like: another of the same frame but for its parameters, whose states are these too.
     """
 
-    def __init__(
-        self, world: World, n: int, ahead: Sequence[float] = (), like: ClosedLoop | None = None
-    ) -> None:
+    def __init__(self, world: World, n: int, like: ClosedLoop | None = None) -> None:
         own = {name: value for name, value in world.arguments.items() if name != "randomise"}
         given = {**own, "timestep": _STEP, "reward": None, "engine": "chain"}
-        self.world, self.n, self.ahead, self._given = world, n, tuple(ahead), given
+        self.world, self.n, self._given = world, n, given
         self.task = FrameTask(n, **given)
         o = self.task.observer
         if o.history != 1 or o.memory:
@@ -80,22 +78,17 @@ class ClosedLoop:
         self.scale: Array = np.zeros(0) if like is None else like.scale
         self.periods = 0  #: Simulated so far, of all rows, those of slopes included.
 
-    @property
-    def rows_each(self) -> int:
-        """Rows that a row's slopes are taken with, itself included."""
-        return len(self.moving) + 2
-
     def references(self) -> Array:
         """(n, 2) peak drift and acceleration of the frame alone under the loads of the last run."""
         return np.asarray(self.task.score.values[: self.n, :2], dtype=np.float64)
 
     def run(self, loads: Sequence[Any], act: Act, noise: float, rng: np.random.Generator) -> Trajectory:
         """Under n loads; act: commands (n,) from observations; noise: on the signals, over the observer's units."""
-        self._start(loads)
+        begun(self.task, loads)
         rows, plants, o = self.task.rows, self.task.rows.plants, self.task.observer
         lasts = rows.steps[: self.n].copy()
         t, units = int(lasts.max()), np.array(o.scales)
-        seen = np.concatenate([np.zeros((t, self.n, o.size), np.float32), self._ground(loads, t)], axis=-1)
+        seen = np.concatenate([np.zeros((t, self.n, o.size), np.float32), self.besides(loads, t)], axis=-1)
         states = np.zeros((t, *plants.state.shape))
         commands, channels = np.zeros((t, self.n)), np.zeros((t + 1, self.n, len(self.columns)))
         measured, before, u = plants.measured, None, np.zeros(self.n)
@@ -112,16 +105,9 @@ class ClosedLoop:
         self.periods += t * self.n
         return Trajectory(seen, commands, channels, states, lasts)
 
-    def _ground(self, loads: Sequence[Any], t: int) -> NDArray[np.float32]:
-        """(t, n, ahead)"""
-        time = self.task.rows.period * np.arange(t)[:, None] + np.array(self.ahead)
-        each = [np.interp(time, m.time, m.acceleration, right=0.0) for m in loads]
-        return np.stack(each, axis=1).astype(np.float32)
-
-    def _start(self, loads: Sequence[Any]) -> None:
-        rngs = [np.random.default_rng(k) for k in range(self.n)]
-        for k, load in enumerate(loads):
-            self.task.reset([k], rngs, {self.world.option: load})
+    def besides(self, loads: Sequence[Any], t: int) -> NDArray[np.float32]:
+        """(t, n, ...) what follows the observations of t periods: nothing; for studies."""
+        return np.zeros((t, self.n, 0), np.float32)
 
     def _find_states(self, run: Trajectory) -> None:
         """States that change in a run and that a channel depends on, and their sizes."""

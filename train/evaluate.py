@@ -11,10 +11,16 @@ from numpy.typing import NDArray
 from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.train.worlds import World
 
-Array = NDArray[np.float64]
 Act = Callable[[NDArray[np.float32]], Array]
+
+
+def begun(task: Task, loads: Sequence[Any]) -> NDArray[np.float32]:
+    """Observations (n, size) at the start of the n rows of a task, row k under loads[k]."""
+    rngs = [np.random.default_rng(k) for k in range(task.n)]
+    return np.concatenate([task.reset([k], rngs, {task.structure.option: load})[0] for k, load in enumerate(loads)])
 
 
 def episodes(task: Task, world: World, loads: Sequence[Any], act: Act) -> tuple[dict[str, Array], int]:
@@ -22,8 +28,7 @@ def episodes(task: Task, world: World, loads: Sequence[Any], act: Act) -> tuple[
 
     act: commands (n,), or (n, dampers), A or V, from observations (n, size).
     """
-    rngs = [np.random.default_rng(k) for k in range(task.n)]
-    observation = np.concatenate([task.reset([k], rngs, {world.option: load})[0] for k, load in enumerate(loads)])
+    observation = begun(task, loads)
     alive, periods = np.ones(task.n, dtype=np.bool_), 0
     columns = [task.score.NAMES.index(name) for name in world.measures]
     found = np.zeros((task.n, len(columns)))

@@ -14,12 +14,10 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.control.networks import Network
 from mrdamp.errors import InputError
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 _LINEAR = 0.1  # share of a tanh's input that is as good as straight
 _FRESH = 0.15  # share of the newest mean in the average

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import random
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,14 +21,11 @@ from mrdamp.control.networks import Memory, Network
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
-from mrdamp.train.asymmetric import POLICIES
-from mrdamp.train.export import memory, network
-from mrdamp.train.lessons import Lessons
-from mrdamp.train.pool import Drawn, Known, known
-from mrdamp.train.run import Progress, Run, reading
-from mrdamp.train.wrappers import PolicyAction, Whitened
+from mrdamp.parallel import Progress
+from mrdamp.train.asymmetric import POLICIES, memory, network
+from mrdamp.train.lessons import Drawn, Known, Lessons, PolicyAction, Whitened, known
+from mrdamp.train.run import Run, reading
 
-CHECKPOINT = "checkpoint.pt"
 _FALLING = (
     "linear_"  # before a learning rate that falls to zero over the training, as RL Baselines3 Zoo has `lin_`
 )
@@ -39,6 +35,7 @@ _FIXED = ("venv", "class_attributes")
 _MEMORIES = ("replay_buffer", "_last_lstm_states")
 #: Of a state-dependent exploration: drawn before a rollout.
 _EXPLORATION = ("exploration_mat", "exploration_matrices")
+_SPREAD = 0.5  # of durations in the pool: up to so much longer or shorter
 _OFF_POLICY = ("ddpg", "sac", "td3")
 _FRESH = 0.1  # share of the newest actor in the mean over updates that is exported
 _NOTHING = (
@@ -60,7 +57,7 @@ class GradientRun(Run):
         base.seed(int(self.draws.generate_state(1)[0] // 2))
         venv: VecEnv = Whitened(PolicyAction(base, self.task, self.policy()), self.matrix)
         if runs:
-            exponent = self.chosen.exponent or self.world.exponent
+            exponent = self.chosen.exponent or self.world.kind.exponent
             privileged = self.chosen.privileged
             venv = Lessons(venv, self.world, self.task, runs, exponent, self.chosen.price, privileged=privileged)
             self.lessons_given = venv
@@ -76,10 +73,6 @@ class GradientRun(Run):
         else:
             self.model = self._model(seed)
         self._require_learning()
-
-    @property
-    def checkpoint(self) -> Path:
-        return self.out / CHECKPOINT
 
     @property
     def timesteps(self) -> int:
@@ -157,7 +150,7 @@ class GradientRun(Run):
         """Runs of the teacher under the loads of the pool, which the task draws from."""
         if not self.chosen.pool:
             return []
-        self._loads = self.world.some(np.random.default_rng(self.pooled), self.chosen.pool)
+        self._loads = self.world.structure.some(np.random.default_rng(self.pooled), self.chosen.pool, _SPREAD)
         self._aside = self.task
         runs = self._runs()
         self.task = self.world.task(self.task.n, self.chosen.engine, Drawn([run.load for run in runs]))

@@ -15,9 +15,8 @@ from mrdamp.control.ground_filter import Ground
 from mrdamp.control.observe import LinearFilter, Observer
 from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.train.worlds import Stage, World
-
-Array = NDArray[np.float64]
 
 _WIDE = 1e3  # of the observer's units
 

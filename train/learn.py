@@ -13,7 +13,8 @@ import numpy as np
 
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
-from mrdamp.train.run import Progress, Result, Run, reading, require_policy
+from mrdamp.parallel import Progress, silent
+from mrdamp.train.run import Result, Run, reading, require_policy
 from mrdamp.train.settings import Options, Settings, settings
 
 
@@ -45,7 +46,7 @@ def train(options: Options, out: Path | str, progress: Progress | None = None) -
     finished.unlink(missing_ok=True)
     write_atomic(run.matrix_file, lambda file: np.save(file, run.matrix))
     write_atomic(claim, json.dumps(own, indent=1) + "\n")
-    run.learn(progress or (lambda what, share: None))
+    run.learn(progress or silent)
     write_atomic(finished, json.dumps({"curve": run.curve, "seconds": run.seconds()}, indent=1) + "\n")
     return Result(out, tuple(run.curve), run.seconds())
 

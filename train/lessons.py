@@ -1,4 +1,6 @@
-"""Reward of a learner and observations of its critic, from a base controller's run under the same load.
+"""Between a vector environment and a learner: actions as a policy has them, whitened observations, and lessons.
+
+Lessons are the reward of the learner and observations of its critic, from a base controller's run under the same load.
 
     r_t = scale sum_k share_k R_k / p (b_kt^p - c_kt^p) / sum_t b_kt^p
 
@@ -6,11 +8,18 @@ c_kt is the size of criterion k (`World.criteria`) in a control period, b_kt tha
 load at the same time, R_k the base's measure over the uncontrolled one. The sum of the second part over an episode is
 the score of the base times its relative change, to first order, for RMS values (p = 2) exactly so and for peaks with a
 p-norm in their place; the first part does not depend on what the learner does and is there to lower the variance.
+
+An episode's reward varies more from load to load than from policy to policy. What is known of a load beforehand, how
+the base controller fares under it, does not depend on the learner's actions: taking it off the reward, or giving it to
+a critic, leaves the policy gradient as it is in the mean and takes most of its variance away (Mao, Venkatakrishnan,
+Schwarzkopf and Alizadeh, Variance reduction for reinforcement learning in input-driven environments, ICLR 2019,
+arXiv:1807.02264). So the loads are of a pool that a learner meets again and again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,11 +27,12 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
+from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
-from mrdamp.train.pool import Known
+from mrdamp.model.core import Array
+from mrdamp.train.evaluate import begun, forces
 from mrdamp.train.worlds import World
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _LIMIT = 20.0  # that the critic's numbers are cut off at
@@ -31,6 +41,103 @@ _AHEAD = (8, 24)  # control periods ahead that the critic is shown the base's me
 _WINDOWS = (8, 32, 128)  # control periods: ends of the windows that the base's costs to come are summed over
 _FAR = 1 << 30  # to the end
 _SHORT = 200.0  # control periods: time left that the critic can tell from more
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A source of loads: one of `loads`, each as likely."""
+
+    loads: Sequence[Any]
+
+    def draw(self, rng: np.random.Generator, *about: Any) -> Any:
+        return self.loads[int(rng.integers(len(self.loads)))]
+
+
+@dataclass(frozen=True)
+class Known:
+    """A load and the base controller's run under it, T control periods.
+
+    criteria: (T, k) sizes of the world's criteria in each; shares: (T,) of the current; ratios: (k,) the measures;
+    measured: (T + 1, names), from the start on.
+    """
+
+    load: Any
+    criteria: Array
+    ratios: Array
+    measured: NDArray[np.float32]
+
+
+def known(world: World, task: Task, loads: Sequence[Any], policy: Policy) -> list[Known]:
+    """A policy's runs under `loads` in the order given, on the rows of a task; they are named by their places."""
+    named = [replace(load, name=str(k)) for k, load in enumerate(loads)]
+    found: list[Known] = []
+    for first in range(0, len(named), task.n):
+        found += _runs(world, task, named[first : first + task.n], policy)
+    return found
+
+
+def _runs(world: World, task: Task, loads: Sequence[Any], policy: Policy) -> list[Known]:
+    policy.reset()
+    many = len(loads)
+    observation = begun(task, [*loads, *[loads[0]] * (task.n - many)])
+    columns = [task.score.NAMES.index(c.measure) for c in world.criteria]
+    steps, longest = task.rows.steps[:many].copy(), int(task.rows.steps[:many].max())
+    criteria = np.zeros((longest, many, len(columns)))
+    measured = np.zeros((longest + 1, many, len(task.rows.names)), np.float32)
+    ratios = np.zeros((many, len(columns)))
+    measured[0] = task.measured[:many]
+    for t in range(longest):
+        step = task.drive(policy.commands(observation, forces(task, observation)))
+        criteria[t] = world.sizes_of(task.happened)[:many]
+        measured[t + 1] = task.measured[:many]
+        last = steps == t + 1
+        ratios[last] = step.info[:many][last][:, columns]
+        observation = step.observation
+    return [
+        Known(load, criteria[: steps[k], k].copy(), ratios[k], measured[: steps[k] + 1, k].copy())
+        for k, load in enumerate(loads)
+    ]
+
+
+class PolicyAction(VecEnvWrapper):
+    """Actions are those of a policy's network: `Policy.driven` makes the damper's command of them."""
+
+    def __init__(self, venv: VecEnv, task: Task, policy: Policy) -> None:
+        super().__init__(venv)
+        self.task, self.policy = task, policy
+        self._observation: NDArray[np.float32] = np.zeros((venv.num_envs, task.observer.size), np.float32)
+
+    def reset(self) -> Any:
+        self._observation = self.venv.reset()
+        return self._observation
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        given = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0)
+        each = given if self.policy.dampers > 1 else given.reshape(-1)
+        command = self.policy.driven(each, self._observation, forces(self.task, self._observation))
+        self.venv.step_async((2.0 * command / self.policy.command_max - 1.0).reshape(given.shape).astype(np.float32))
+
+    def step_wait(self) -> Any:
+        observation, reward, done, infos = self.venv.step_wait()
+        self._observation = observation
+        return observation, reward, done, infos
+
+
+class Whitened(VecEnvWrapper):
+    """Observations times a fixed matrix (k, size), see `mrdamp.train.run.whitening`."""
+
+    def __init__(self, venv: VecEnv, matrix: NDArray[np.float32], limit: float = 1e3) -> None:
+        super().__init__(venv, observation_space=Box(-limit, limit, (len(matrix),), np.float32))
+        self.matrix = matrix
+
+    def reset(self) -> Any:
+        return self.venv.reset() @ self.matrix.T
+
+    def step_wait(self) -> Any:
+        observation, reward, done, infos = self.venv.step_wait()
+        for row in np.flatnonzero(done).tolist():
+            infos[row]["terminal_observation"] = self.matrix @ infos[row]["terminal_observation"]
+        return observation @ self.matrix.T, reward, done, infos
 
 
 class Lessons(VecEnvWrapper):
@@ -95,9 +202,7 @@ class Lessons(VecEnvWrapper):
             reward -= self._price * self._world.current_of(period) / self._task.rows.steps
         self._t += 1
         over = np.flatnonzero(done).tolist()
-        for (
-            row
-        ) in over:  # nothing comes after the load: what is left is worth nothing, and is not to be estimated
+        for row in over:  # nothing comes after the load: what is left is worth nothing, and is not to be estimated
             last = infos[row]["terminal_observation"]
             infos[row]["terminal_observation"] = np.concatenate([last, np.zeros(self.extra, np.float32)])
             infos[row]["TimeLimit.truncated"] = False
@@ -106,7 +211,7 @@ class Lessons(VecEnvWrapper):
 
     def _begin(self, rows: Sequence[int]) -> None:
         for row in rows:
-            self._load[row] = int(self.unwrapped.reset_infos[row][self._world.option])
+            self._load[row] = int(self.unwrapped.reset_infos[row][self._world.kind.option])
             self._t[row] = 0
 
     def _with(self, observation: Any) -> Any:

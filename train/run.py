@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -23,14 +23,13 @@ from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
+from mrdamp.model.core import Array
+from mrdamp.parallel import Progress
 from mrdamp.shown import Shown
 from mrdamp.train.evaluate import Judge, forces
 from mrdamp.train.imitation import estimated, imitated, with_ground
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World, world
-
-Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 _EXPLORED = (8, 2500)  # rows and control periods, whole motions of them, that the whitening is taken from
 _HELD = 50  # control periods that an action is held for there
@@ -87,6 +86,8 @@ class Run(ABC):
     """A training that is going on. n: rows of its task. Attributes: curve, as in `Result`; resumed, whether it goes on
     from a checkpoint, and reached, the control periods of that."""
 
+    kept_in: ClassVar[str] = "checkpoint.pt"
+
     def __init__(self, options: Options, chosen: Settings, out: Path, n: int) -> None:
         self.options, self.chosen, self.out = options, chosen, out
         self.world: World = world(options.environment, chosen.env_kwargs, options.model, chosen.score)
@@ -110,7 +111,7 @@ class Run(ABC):
         if self.least() and "force" not in self.task.observer.peaks:
             raise InputError("hyperparameters: least needs env_kwargs.peaks of the force")
         self.matrix = self._matrix(np.random.default_rng(explore))
-        validation = self.world.validation()
+        validation = self.world.structure.validation()
         self.judge = Judge(self.sharing(np.random.default_rng(VALIDATION_SEED), len(validation)), validation)
         self.curve: list[dict[str, float]] = []
         self._board: Any = None
@@ -143,9 +144,9 @@ class Run(ABC):
         return self.out / "state.json"
 
     @property
-    @abstractmethod
     def checkpoint(self) -> Path:
         """The file of `save`."""
+        return self.out / self.kept_in
 
     @property
     def matrix_file(self) -> Path:
@@ -199,7 +200,7 @@ class Run(ABC):
     def taught(self) -> Array:
         """(inputs,) weights whose action is nearest to the teacher's wanted force. Raises InputError."""
         assert self.levels is not None
-        loads = self.world.draw(np.random.default_rng(self.lessons), _LESSONS)
+        loads = self.world.structure.some(np.random.default_rng(self.lessons), _LESSONS)
         stage = self.world.stage(self.task, self.chosen.teacher)
         return imitated(stage, loads, self.task.observer, self.matrix, self.levels.force_max)
 
@@ -260,7 +261,7 @@ class Run(ABC):
         }
         if self.task.structure.identity:
             about["structure"] = self.task.structure.identity
-        frame = self.worlds[0].model(self.worlds[0].task(1)).structure
+        frame = self.worlds[0].task(1).structure.models[0].structure
         if frame is not None:
             about["upward"] = [upper > lower for lower, upper in frame.places]
         fresh = Observer.from_dict(self.task.observer.to_dict())
@@ -268,7 +269,7 @@ class Run(ABC):
         return Policy(
             name, self.task.rows.period, fresh, matrix, self.network(), self.command_max, self.levels, about,
             self.least(), self.teacher(), self.chosen.reach, self.memory(), self.chosen.ahead,
-            min(w.model(w.task(1)).command_lag for w in self.worlds),
+            min(w.task(1).structure.models[0].command_lag for w in self.worlds),
         )  # fmt: skip
 
     def _matrix(self, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -286,6 +287,34 @@ class Run(ABC):
             )
             matrix[:, columns] = whitening(observation[:, columns])
         return matrix
+
+
+class StepRun(Run):
+    """A training by steps, each under loads that it draws anew."""
+
+    _periods = 0
+
+    @property
+    def timesteps(self) -> int:
+        return self._periods
+
+    @abstractmethod
+    def step(self) -> float:
+        """One step; the score before it."""
+
+    def learn(self, progress: Progress) -> None:
+        while self.timesteps < self.chosen.n_timesteps:
+            self.tell(progress)
+            if self.due():
+                self.evaluate()
+            self.board({"train/score": self.step()})
+        if self.curve[-1]["timesteps"] < self.timesteps:
+            self.evaluate()
+
+    def numbers(self, step: int) -> np.random.Generator:
+        """Random numbers of a step."""
+        key = (*self.draws.spawn_key, step)
+        return np.random.default_rng(np.random.SeedSequence(self.draws.entropy, spawn_key=key))
 
 
 def _require_trainable(algorithm: str, chosen: Settings, command_max: Array) -> None:

@@ -14,13 +14,12 @@ from mrdamp.control.networks import Network
 from mrdamp.control.policy import velocities
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
+from mrdamp.model.core import Array
 from mrdamp.train.evaluate import episodes, forces
 from mrdamp.train.evolution import Cma, Shape, actions
-from mrdamp.train.run import Progress, Run, reading
+from mrdamp.train.run import StepRun, reading
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World
-
-Array = NDArray[np.float64]
 
 #: What the hyperparameters hold besides `Settings`: loads and candidates a generation; the first step size; the
 #: score's share for the mean current over its largest; white noise on what candidates see, in the observer's units, so
@@ -29,8 +28,10 @@ Array = NDArray[np.float64]
 DEFAULTS: Mapping[str, Any] = {"loads": 12, "population": 12, "sigma": 0.1, "current": 0.05, "noise": 0.0}
 
 
-class EvolutionRun(Run):
+class EvolutionRun(StepRun):
     """One training. n_envs is loads times population; a generation counts the control periods of all rows."""
+
+    kept_in = "checkpoint.npz"
 
     def __init__(self, options: Options, chosen: Settings, out: Path) -> None:
         own = chosen.learner_over(DEFAULTS, "es")
@@ -50,30 +51,15 @@ class EvolutionRun(Run):
         if chosen.teacher:
             start = self.shape.linear(start, self.taught())
         self.cma = Cma(start, self._sigma, self.population, rng)
-        self._periods = 0
         if self.resumed:
             with reading(self.checkpoint):
                 self.cma.load(self.checkpoint)
             self._periods = self.reached
 
-    @property
-    def checkpoint(self) -> Path:
-        return self.out / "checkpoint.npz"
-
-    @property
-    def timesteps(self) -> int:
-        return self._periods
-
-    def learn(self, progress: Progress) -> None:
-        while self.timesteps < self.chosen.n_timesteps:
-            self.tell(progress)
-            if self.due():
-                self.evaluate()
-            scores = self._scores(self.cma.ask())
-            self.cma.tell(scores)
-            self.board({"train/score": float(scores.mean())})
-        if self.curve[-1]["timesteps"] < self.timesteps:
-            self.evaluate()
+    def step(self) -> float:
+        scores = self._scores(self.cma.ask())
+        self.cma.tell(scores)
+        return float(scores.mean())
 
     def network(self) -> Network:
         return self.shape.network(self.cma.average)
@@ -84,10 +70,8 @@ class EvolutionRun(Run):
     def _scores(self, candidates: Array) -> Array:
         """(population,) of candidates (population, numbers), under loads that each generation draws anew."""
         layers = self.shape.layers(candidates)
-        key = (*self.draws.spawn_key, self.cma.generation)
-        drawn = np.random.SeedSequence(self.draws.entropy, spawn_key=key)
-        rng = np.random.default_rng(drawn)
-        loads = self.world.draw(rng, self.loads_count)
+        rng = self.numbers(self.cma.generation)
+        loads = self.world.structure.some(rng, self.loads_count)
         worlds = self.sharing(rng, len(loads))
         found = [self._measures(w, loads[k :: len(worlds)], layers, rng) for k, w in enumerate(worlds)]
         means = {name: np.concatenate([f[name] for f in found], axis=1).mean(axis=1) for name in found[0]}
@@ -117,14 +101,8 @@ class EvolutionRun(Run):
                 command = np.asarray(0.5 * (action + 1.0) * self.command_max)
             else:
                 velocity = velocities(task.observer, observation, self.chosen.ahead)
-                command = self.levels.command(
-                    action * self.levels.force_max, forces(task, observation), velocity
-                )
-            return (
-                command
-                if least is None
-                else np.maximum(command, least(task.observer.peak(observation, "force")))
-            )
+                command = self.levels.command(action * self.levels.force_max, forces(task, observation), velocity)
+            return command if least is None else np.maximum(command, least(task.observer.peak(observation, "force")))
 
         found, periods = episodes(task, world, list(loads) * self.population, act)
         self._periods += periods

@@ -10,15 +10,13 @@ from typing import Any, Literal
 
 import yaml
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_one_of
 from mrdamp.files import decode, read_bytes
 from mrdamp.outside import NAMED
 
 #: Those of stable-baselines3, `recurrent` (RecurrentPPO of sb3-contrib), the evolution strategy of
 #: `mrdamp.train.evolution`, and the gradients through the chain of `mrdamp.train.adjoint`.
 ALGORITHMS = ("a2c", "adjoint", "ddpg", "es", "ppo", "recurrent", "sac", "td3")
-
-
 _WHOLE = ("pool", "freeze", "renew")
 
 
@@ -46,10 +44,10 @@ class Options:
             raise InputError(
                 f"{self.algorithm}: {1 + len(self.others)} models; allowed: several for es, else one"
             )
-        for name, least in (("seed", 0), ("evaluations", 1), ("timesteps", 1)):
-            value = getattr(self, name)
-            if value is not None and (not isinstance(value, int) or value < least):
-                raise InputError(f"{name} is {value!r}; allowed: a whole number, {least} or more")
+        _require_whole("", 0, seed=self.seed)
+        _require_whole("", 1, evaluations=self.evaluations)
+        if self.timesteps is not None:
+            _require_whole("", 1, timesteps=self.timesteps)
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -126,16 +124,10 @@ class Settings:
         return {**defaults, **self.learner}
 
     def __post_init__(self) -> None:
-        if self.action not in ("command", "force"):
-            raise InputError(f"hyperparameters: action is {self.action!r}; allowed: command, force")
-        if self.engine not in ("chain", "mujoco"):
-            raise InputError(f"hyperparameters: engine is {self.engine!r}; allowed: chain, mujoco")
-        for name, least in (("n_envs", 1), ("n_timesteps", 1), ("pool", 0), ("freeze", 0), ("renew", 0)):
-            value = getattr(self, name)
-            if not isinstance(value, int) or value < least:
-                raise InputError(
-                    f"hyperparameters: {name} is {value!r}; allowed: a whole number, {least} or more"
-                )
+        require_one_of("hyperparameters", ("command", "force"), action=self.action)
+        require_one_of("hyperparameters", ("chain", "mujoco"), engine=self.engine)
+        _require_whole("hyperparameters: ", 1, n_envs=self.n_envs, n_timesteps=self.n_timesteps)
+        _require_whole("hyperparameters: ", 0, pool=self.pool, freeze=self.freeze, renew=self.renew)
         for name, open_end in (("reach", True), ("correlated", True), ("price", False), ("explore", False)):
             value = getattr(self, name)
             if not isinstance(value, int | float) or not (value > 0 or (value == 0 and not open_end)):
@@ -153,6 +145,12 @@ class Settings:
         for name in ("ahead", "env_kwargs", "score", "policy_kwargs"):
             if not isinstance(getattr(self, name), Mapping):
                 raise InputError(f"hyperparameters: {name} is no mapping of names to values")
+
+
+def _require_whole(where: str, least: int, **values: Any) -> None:
+    for name, value in values.items():
+        if not isinstance(value, int) or value < least:
+            raise InputError(f"{where}{name} is {value!r}; allowed: a whole number, {least} or more")
 
 
 def settings(options: Options) -> Settings:

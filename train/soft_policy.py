@@ -17,8 +17,7 @@ from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 
 class SoftPolicy(torch.nn.Module):
@@ -87,15 +86,6 @@ class SoftPolicy(torch.nn.Module):
             peak = (self._unit * observations[..., self._peak]).detach().double().numpy()
             found = torch.maximum(found, _tensor(self._least(peak)))
         return found.clamp(max=self._command_max)
-
-    def extend(self, more: int) -> None:
-        """By inputs with a sign that follow the observations; they count for nothing at first."""
-        self._transform = torch.block_diag(self._transform, torch.eye(more))
-        self._mirror = torch.block_diag(self._mirror, -torch.eye(more))
-        pad = torch.nn.functional.pad
-        self._signs = np.append(self._signs, -np.ones(more))
-        self.teacher = torch.nn.Parameter(pad(self.teacher.detach(), (0, more)))
-        self.weights[0] = torch.nn.Parameter(pad(self.weights[0].detach(), (0, more)))
 
     def load(self, policy: Policy) -> None:
         """The weights of an exported policy, whose inputs these begin with; the others count for nothing at first.

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamp.control.base import Controller
 from mrdamp.control.force_levels import ForceLevels
@@ -23,14 +22,11 @@ from mrdamp.envs.structure import Criterion, Structure
 from mrdamp.envs.task import Task, divided
 from mrdamp.envs.weights import OF_DAMPERS
 from mrdamp.errors import InputError
-from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.outside import NAMED
-
-Array = NDArray[np.float64]
 
 #: Worlds that share the loads where parameters are drawn. Coprime to the amplitudes, which each then has.
 _SHARING = 6
-_SPREAD = 0.5  # of durations, where they differ: up to so much longer or shorter
 
 
 @dataclass(frozen=True)
@@ -48,16 +44,6 @@ class World:
     kind: type[Structure]
     arguments: Mapping[str, Any]
     scored: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def option(self) -> str:
-        """Of a reset, that names the load."""
-        return self.kind.option
-
-    @property
-    def exponent(self) -> float:
-        """Of the criteria's norm over time, unless the hyperparameters say otherwise."""
-        return self.kind.exponent
 
     @property
     def criteria(self) -> tuple[Criterion, ...]:
@@ -87,10 +73,6 @@ class World:
     def observing(self, observer: Observer) -> Self:
         """The same with another observer."""
         return replace(self, arguments={**self.arguments, "observer": observer})
-
-    def model(self, task: Task) -> Model:
-        """The damper of a task of this world."""
-        return task.structure.models[0]
 
     def drawn(self, rng: np.random.Generator, loads: int) -> tuple[Self, ...]:
         """Some of this world, for as many loads, seen by its observer, whose parameters share the ranges of `randomise`
@@ -130,23 +112,12 @@ class World:
         """As of the arguments."""
         return divided(self.kind, self.arguments)[0]
 
-    def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
-        """Loads as training draws them."""
-        return self.structure.some(rng, count)
-
-    def some(self, rng: np.random.Generator, count: int) -> list[Any]:
-        """The same, of durations that differ."""
-        return self.structure.some(rng, count, _SPREAD)
-
-    def validation(self) -> Sequence[Any]:
-        """Loads that a policy is evaluated by while it is trained."""
-        return self.structure.validation()
-
     def levels(self, task: Task, viscous: bool = False) -> ForceLevels:
         """Of the damper, for forces as actions, at the stroke that it is observed by; see `ForceLevels.of`."""
         scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
         stroke = scales.get("stroke") or task.structure.sensors(task.command_max, False)[1]["stroke"]
-        return ForceLevels.of(self.model(task), float(task.command_max[0]), stroke, task.structure.first, viscous)
+        s = task.structure
+        return ForceLevels.of(s.models[0], float(task.command_max[0]), stroke, s.first, viscous)
 
     def stage(self, task: Task, spec: str) -> Stage:
         """One structure as those of the task, and a classical controller for it. Raises InputError."""

@@ -66,6 +66,14 @@ def require_positive(what: str, **values: float) -> None:
             raise InputError(f"{what}: {name} is {value!r}; allowed: a finite number > 0, up to {LARGEST:g}")
 
 
+def require_one_of(what: str, allowed: Iterable[str], **values: Any) -> None:
+    """InputError unless every value is among the allowed. what: whose values they are, for the message, or nothing."""
+    for name, value in values.items():
+        if value not in allowed:
+            said = f"{what}: {name}" if what else name
+            raise InputError(f"{said} is {value!r}; allowed: {', '.join(allowed)}")
+
+
 def require_period(what: str, period: Any) -> None:
     """InputError unless a control period, s, is a number that a run can be made with. what: whose it is."""
     if not isinstance(period, Real) or not _PERIODS[0] <= float(period) <= _PERIODS[1]:

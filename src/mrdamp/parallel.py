@@ -21,6 +21,8 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from mrdamp.errors import InputError
 
 Result = TypeVar("Result")
+#: Of a long run: called with what is done, and a share from 0 to 1.
+Progress = Callable[[str, float], None]
 BACKENDS = ("loky", "ray")
 _watched = False
 
@@ -58,6 +60,10 @@ def _uninterrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def silent(what: str, share: float) -> None:
+    """The `Progress` of a run that nobody watches."""
 
 
 def _alone(parent: int, function: Callable[..., Result], *task: Any) -> Result:

@@ -12,7 +12,7 @@ ENVIRONMENTS = {
     "mrdamp/Frame-v0": ("mrdamp.envs.frame:FrameEnv", "mrdamp.envs.vector:FrameVectorEnv"),
     "mrdamp/Cable-v0": ("mrdamp.envs.cable:CableEnv", "mrdamp.envs.vector:CableVectorEnv"),
     "mrdamp/QuarterCar-v0": ("mrdamp.envs.car:CarEnv", "mrdamp.envs.vector:CarVectorEnv"),
-    "mrdamp/Structure-v0": ("mrdamp.envs.own:StructureEnv", "mrdamp.envs.own:StructureVectorEnv"),
+    "mrdamp/Structure-v0": ("mrdamp.envs.plant_env:StructureEnv", "mrdamp.envs.vector:StructureVectorEnv"),
 }
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from mrdamp.envs.frame_view import FrameView
+from mrdamp.envs.frame_xml import FrameView
 from mrdamp.model import Model
 from mrdamp.simulation.stepping import FrameRun
 

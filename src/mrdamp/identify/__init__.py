@@ -7,7 +7,6 @@ import sys
 from mrdamp.identify.fit import (
     Fit,
     Problem,
-    Progress,
     RecordError,
     compare_dependences,
     descend,
@@ -17,6 +16,7 @@ from mrdamp.identify.fit import (
     pooled,
     simulate,
 )
+from mrdamp.parallel import Progress
 from mrdamp.shown import CalledPackage
 
 __all__ = [

@@ -6,7 +6,7 @@ taken as p = p_a + p_b u.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -15,9 +15,8 @@ import numpy as np
 from mrdamp.errors import InputError
 from mrdamp.identify.fit import Fit, RecordError, error, identify, model_of
 from mrdamp.model import Model
+from mrdamp.parallel import Progress
 from mrdamp.records import Record
-
-Progress = Callable[[str, float], None]
 
 #: Share of the largest command within which a record's command counts as constant, and two as the same.
 _SAME = 0.02

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from mrdamp.errors import InputError
 from mrdamp.identify.calibration import frequency_of
+from mrdamp.identify.excerpts import skipped
 from mrdamp.identify.fit import Fit, error, identify, simulate
 from mrdamp.identify.laws import PAPER_FOLLOWS
 from mrdamp.identify.norms import CENTIMETRE, FoamNorms, delta_2, record_norms, rmse
@@ -23,11 +24,10 @@ from mrdamp.narx import FitNarx, Network, lagged, train_narx
 from mrdamp.narx.data import series
 from mrdamp.narx.evaluation import one_step_force
 from mrdamp.narx.splits import of_records
+from mrdamp.parallel import Progress, silent
 from mrdamp.pictures.damper import LoopData, error_bars, overview
 from mrdamp.pictures.identification import model_loops
 from mrdamp.records import Record, RecordSet
-
-Progress = Callable[[str, float], None]
 
 LAWS = ("bingham", "bouc_wen", "hyperbolic_tangent")
 #: What the paper measured on its own damper, 4 Hz at 3 V, one cycle, its data not public.
@@ -92,15 +92,11 @@ class RecordNorms:
 
 def record_errors(model: Model, records: Sequence[Record]) -> tuple[RecordNorms, ...]:
     """The papers' measures of a model in free run, by record; the first 20 ms do not count."""
-    found = []
-    for record in records:
-        rest, force = _without_start(record, simulate(model, record))
-        found.append(
-            RecordNorms(
-                record.name, record_norms(rest, force, CENTIMETRE), delta_2(rest.channel("force_N"), force)
-            )
-        )
-    return tuple(found)
+    parts = [_without_start(record, simulate(model, record)) for record in records]
+    return tuple(
+        RecordNorms(rest.name, record_norms(rest, force, CENTIMETRE), delta_2(rest.channel("force_N"), force))
+        for rest, force in parts
+    )
 
 
 def paper_network(
@@ -118,7 +114,7 @@ def paper_network(
     """
     splits = of_records(records)
     channels = "xviF" if splits.varies else "xvF"
-    tell = progress or (lambda what, share: None)
+    tell = progress or silent
     left_out, judged = (splits.validation, splits.test) if splits.test else ((), splits.validation)
     return train_narx(
         splits.train, left_out, judged, inputs=lagged(channels, 3), hidden=(10, 4), initialisations=initialisations,
@@ -175,12 +171,11 @@ def table_1(
     condition: a held-out record; the table is of its last whole cycle. paper_follows: the paper's choice of what
     follows the command. Raises InputError where a prediction is missing or of another length.
     """
-    judged = judged_records(records, condition)
+    judged, say = judged_records(records, condition), progress or silent
     fits: dict[str, Fit] = {}
     forces: dict[str, Mapping[str, Array]] = {}
     for count, law in enumerate(laws):
-        if progress:
-            progress(law, count / len(laws))
+        say(law, count / len(laws))
         fits[law] = identify(
             law, records.train, records.held_out, extras=extras, dependence=dependence,
             follows=PAPER_FOLLOWS.get(law) if paper_follows else None, starts=starts, seed=seed, threads=threads,
@@ -191,8 +186,7 @@ def table_1(
             if record.name not in given or np.shape(given[record.name]) != (record.n,):
                 raise InputError(f"{name}: no force of {record.n} samples for held-out record {record.name}")
         forces[name] = given
-    if progress:
-        progress("evaluating", 1.0)
+    say("evaluating", 1.0)
     part = _without_start if condition is None else _last_cycle
     rows = tuple(row_of(name, given, judged, part) for name, given in forces.items())
     return Table1(rows, fits, forces, judged)
@@ -230,5 +224,5 @@ def row_of(name: str, forces: Mapping[str, Array], records: Sequence[Record], pa
 
 def _without_start(record: Record, force: Array) -> tuple[Record, Array]:
     """Both without the first 20 ms, where the unknown start state fades."""
-    skip = min(record.n // 4, int(0.02 / record.sample_time))
+    skip = skipped(record)
     return record.part(record.time[skip], record.time[-1]), np.asarray(force)[skip:]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mrdamp.identify.excerpts import skipped
 from mrdamp.identify.fit import Fit, simulate
-from mrdamp.identify.start import skipped
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record

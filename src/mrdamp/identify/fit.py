@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 from typing import ClassVar, NamedTuple
@@ -13,20 +13,18 @@ import numpy as np
 from scipy.stats import qmc
 
 from mrdamp.errors import InputError
-from mrdamp.identify.excerpts import excerpts
+from mrdamp.identify.excerpts import excerpts, is_led, skipped
 from mrdamp.identify.laws import DEPENDENCES, OF_COMMAND, Dependence, Scales, Space, dependence_for, space
 from mrdamp.identify.least_squares import bounded_least_squares
-from mrdamp.identify.start import is_led, skipped
 from mrdamp.model import Model, core, effects_from
 from mrdamp.model.core import Array
+from mrdamp.parallel import Progress, silent
 from mrdamp.records import Record
 from mrdamp.records.checks import check_channels, check_clipping, check_size
 from mrdamp.records.log_filter import held, rings_before_jumps
 from mrdamp.records.motion import slowness
 from mrdamp.shown import Shown
 from mrdamp.simulation.predict import free_run, motion
-
-Progress = Callable[[str, float], None]
 
 #: Samples that the starts are compared on; where a set is longer, each record gives its liveliest part.
 _SEARCH_SAMPLES = 6_000
@@ -278,15 +276,14 @@ def identify(
     trials = sampler.random(24 * starts)
     near = np.clip(first + 0.3 * (trials[::2] - 0.5), 0, 1)
     points = np.vstack([first, near, trials[1::2]])
-    if progress:
-        progress("trying starts", 0.0)
+    say = progress or silent
+    say("trying starts", 0.0)
     points = np.array([problem.begin(p) for p in points])
     cost = np.concatenate([np.sum(problem.residuals(p) ** 2, axis=1) for p in np.array_split(points, 6)])
     chosen = [0, *(k for k in np.argsort(cost, kind="stable") if k != 0)][:starts]
     found: list[tuple[float, int, Array]] = []
     for count, k in enumerate(chosen):
-        if progress:
-            progress(f"start {count + 1} of {starts}", 0.1 + 0.6 * count / starts)
+        say(f"start {count + 1} of {starts}", 0.1 + 0.6 * count / starts)
         found.append(descend(problem, points[k], _SEARCH_STEPS, count))
     # A second one that is close is also continued with more data, as a short part may favour the wrong one.
     found.sort(key=lambda item: item[:2])
@@ -295,8 +292,7 @@ def identify(
     ways = [freed for freed in (True, False) if freed <= bool(full.free)]
     ends: dict[bool, tuple[float, int, Array]] = {}
     for count, (freed, (_, order, point)) in enumerate(product(ways, last)):
-        if progress:
-            progress(f"final fit {count + 1} of {len(ways) * len(last)}", 0.7 + 0.07 * count)
+        say(f"final fit {count + 1} of {len(ways) * len(last)}", 0.7 + 0.07 * count)
         full.freed = freed
         end = descend(full, full.begin(point[:n]), _FIT_STEPS, order)
         ends[freed] = min(ends.get(freed, end), end, key=lambda item: item[:2])
@@ -318,8 +314,7 @@ def identify(
     model = within(model, np.concatenate([record.command for record in train]))
     if varying:
         model = model.with_hold(full.hold)
-    if progress:
-        progress("evaluating", 1.0)
+    say("evaluating", 1.0)
     return Fit(
         model,
         tuple(error(model, record) for record in train),
@@ -355,8 +350,7 @@ def compare_dependences(
     levels = Scales.of(train).levels
     shown = [d for d in dependences if levels >= max(2, DEPENDENCES[d])]
     for count, dependence in enumerate(shown or ["constant"]):
-        if progress:
-            progress(dependence, count / max(len(shown), 1))
+        (progress or silent)(dependence, count / max(len(shown), 1))
         # Each begins where the one before ended: a straight line is a curve without a bend.
         before = list(fits.values())[-1].model.attributes if fits else None
         fits[dependence] = identify(

@@ -11,15 +11,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-import joblib
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from mrdamp.errors import InputError
 from mrdamp.identify import Fit, Problem, simulate
+from mrdamp.identify.laws import Coordinate, Space
 from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.model import core
 from mrdamp.model.core import Array
+from mrdamp.parallel import mapped
 from mrdamp.records import Record
 
 #: Below so many records, blocks in time are resampled in place of records.
@@ -84,17 +85,12 @@ def intervals(
     rng = np.random.default_rng(seed)
     counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), resamples)
     if refit:
-        found = joblib.Parallel(n_jobs=workers)(
-            joblib.delayed(_refitted)(fit, train, parts, row, point) for row in counts
-        )
+        found = mapped(_refitted, [(fit, train, parts, row, point) for row in counts], workers)
     else:
         normal = [(jacobian[p].T @ jacobian[p], jacobian[p].T @ residual[p]) for p in parts]
-        found = joblib.Parallel(n_jobs=workers)(
-            joblib.delayed(_stepped)(normal, row, point) for row in counts
-        )
-    points = np.array(found)[:, :n]
-    words = _words(fit, points, residual, jacobian)
-    return _attributes(fit, points, words)
+        found = mapped(_stepped, [(normal, row, point) for row in counts], workers)
+    points = np.array(list(found))[:, :n]
+    return _attributes(fit, fit.space, points, _words(fit, fit.space.coordinates, points, jacobian))
 
 
 def _whole(fit: Fit, problem: Problem) -> Array:
@@ -190,10 +186,8 @@ def _refitted(
     return np.asarray(solution.x)
 
 
-def _words(fit: Fit, points: Array, residual: Array, jacobian: Array) -> dict[str, str]:
+def _words(fit: Fit, coordinates: Sequence[Coordinate], points: Array, jacobian: Array) -> dict[str, str]:
     """Coordinate -> why these records do not fix it."""
-    assert fit.space is not None
-    coordinates = fit.space.coordinates
     n, size = len(coordinates), np.linalg.norm(jacobian, axis=0)
     covariance = np.linalg.pinv(jacobian.T @ jacobian + 1e-12 * np.eye(len(size)) * size.max() ** 2)[:n, :n]
     size, spread = size[:n], np.sqrt(np.diag(covariance))
@@ -214,35 +208,28 @@ def _words(fit: Fit, points: Array, residual: Array, jacobian: Array) -> dict[st
     return out
 
 
-def _attributes(fit: Fit, points: Array, words: dict[str, str]) -> tuple[Interval, ...]:
+def _attributes(fit: Fit, space: Space, points: Array, words: dict[str, str]) -> tuple[Interval, ...]:
     """Intervals of the attributes that the coordinates make."""
-    assert fit.space is not None
-    made = [fit.space.attributes(p) for p in points]
-    value = fit.space.attributes(np.asarray(fit.point))
+    made = [space.attributes(p) for p in points]
+    value = space.attributes(np.asarray(fit.point))
     units = {row.name: row.unit for row in core.attributes()}
-    constant = {m.stem for m in fit.space.maps if len(m.own(fit.space.knots)) == 1}
+    constant = {m.stem for m in space.maps if len(m.own(space.knots)) == 1}
     out = []
     for name, best in value.items():
         samples = np.array([m[name] for m in made])
         if not np.ptp(samples) > 0 and (name in ("x0", "n") or name[:-1] in constant):
             continue  # held, not fitted; of one command, no slope is known
         low, high = np.percentile(samples, [2.5, 97.5])
-        out.append(Interval(name, best, float(low), float(high), units[name], _word(fit, name, words)))
+        out.append(Interval(name, best, float(low), float(high), units[name], _word(space, name, words)))
     return tuple(out)
 
 
-def _word(fit: Fit, attribute: str, words: dict[str, str]) -> str:
+def _word(space: Space, attribute: str, words: dict[str, str]) -> str:
     """The word for an attribute, from those of the coordinates it is made of."""
-    assert fit.space is not None
-    own: dict[str, tuple[str, ...]] = {
-        "A": ("yield_displacement",),
-        "beta": ("beta_share",),
-        "gamma": ("beta_share",),
-    }
-    names: tuple[str, ...] = own.get(attribute, (attribute,))
-    for m in fit.space.maps:
+    own = {"A": "yield_displacement", "beta": "beta_share", "gamma": "beta_share"}
+    names = [own.get(attribute, attribute)]
+    for m in space.maps:
         if attribute.startswith(m.stem) and len(attribute) == len(m.stem) + 1:
-            names = tuple(c.name for c in m.coordinates(fit.space.knots))
-            if attribute.endswith("r"):
-                names = ("field_rate",)
-    return "; ".join(dict.fromkeys(f"{words[name]}" for name in names if name in words))
+            rate = attribute.endswith("r")
+            names = ["field_rate"] if rate else [c.name for c in m.coordinates(space.knots)]
+    return "; ".join(dict.fromkeys(words[name] for name in names if name in words))

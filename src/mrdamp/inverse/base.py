@@ -58,13 +58,6 @@ def command_range(model: Model, given: tuple[float, float] | None = None) -> tup
     return float(low), float(high)
 
 
-def check_period(name: str, period: float) -> float:
-    """The period (s); InputError where it is none."""
-    if not 0 < period < math.inf:
-        raise InputError(f"inverse {name}: period is {period}; allowed: > 0 s")
-    return float(period)
-
-
 class Extrapolation:
     """Extrapolation of a value over some control periods: the value, and a share of the expected change.
 

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_period
 from mrdamp.files import read_json, write_atomic
-from mrdamp.inverse.base import Extrapolation, check_period
+from mrdamp.inverse.base import Extrapolation
 from mrdamp.model.core import Array
 from mrdamp.narx import layers as nn
 from mrdamp.narx.bayes import minimise
@@ -26,7 +26,7 @@ from mrdamp.narx.data import Series, check
 from mrdamp.narx.network import Network
 from mrdamp.narx.problems import OneStep
 from mrdamp.narx.train import blank
-from mrdamp.parallel import mapped
+from mrdamp.parallel import Progress, mapped, silent
 
 FORMAT = 1
 #: Lags (samples) of displacement, velocity and measured force. The present force contains the current, but a network
@@ -144,12 +144,8 @@ def swapped(s: Series, lead: int) -> Series:
 
 def network_inputs(lead: int, lags: Mapping[str, Sequence[int]]) -> tuple[tuple[str, int], ...]:
     """Inputs of the network for `train_narx`: motion, wanted force, measured forces."""
-    return (
-        *(("x", lag) for lag in lags["x"]),
-        *(("v", lag) for lag in lags["v"]),
-        ("i", 0),
-        *(("i", lead + lag) for lag in lags["F"]),
-    )
+    motion = [(channel, lag) for channel in "xv" for lag in lags[channel]]
+    return (*motion, ("i", 0), *(("i", lead + lag) for lag in lags["F"]))
 
 
 def train_inverse(
@@ -164,7 +160,7 @@ def train_inverse(
     seed: int = 0,
     most: int = 6_000,
     workers: int = 1,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> NetworkInverse:
     """Trains network inverses on records whose command varies and returns the best.
 
@@ -177,7 +173,7 @@ def train_inverse(
     if not train or not validation:
         raise InputError("an inverse needs records to train on and others to choose by")
     for s in (*train, *validation):
-        check_period(s.name, s.sample_time)
+        require_period(f"inverse {s.name}", s.sample_time)
     values = np.concatenate([s.i for s in train])
     varying = [s for s in validation if np.ptp(s.i) > 0]
     if not np.ptp(values) > 0 or not varying:
@@ -188,8 +184,7 @@ def train_inverse(
     best: tuple[float, NetworkInverse] | None = None
     for count, network in enumerate(mapped(_trained, tasks, workers)):
         lead = trials[count][1]
-        if progress:
-            progress(f"{1e3 * lead * network.sample_time:g} ms ahead", (count + 1) / len(trials))
+        (progress or silent)(f"{1e3 * lead * network.sample_time:g} ms ahead", (count + 1) / len(trials))
         found = NetworkInverse(network, lead, low, high, _command_error(network, varying, lead))
         cost = judge(found) if judge else found.error
         if best is None or cost < best[0]:

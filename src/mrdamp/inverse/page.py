@@ -21,13 +21,12 @@ _KINDS: Mapping[str, str] = {
 def write_page(result: Trial, out: Path, command_unit: str) -> Path:
     """Writes index.html, a CSV table by kind of wanted force and network.json into a folder; returns the page."""
     out.mkdir(parents=True, exist_ok=True)
-    best = {
-        kind: min(tracks, key=lambda t: t.error) for kind, tracks in result.tracks.items()
-    }  # fmt: skip
+    between = result.tracks["between"]
+    best, switching = min(between, key=lambda t: t.error), next(t for t in between if t.name == "on/off switching")
     summary = (
-        f"Force tracking in MuJoCo over {result.tracks['between'][0].time[-1]:.0f} s of random motion: the least RMS "
-        f"error is {100 * best['between'].relative_error:.1f} % of the wanted force ({best['between'].name}), "
-        f"that of on/off switching {100 * _switching(result):.1f} %."
+        f"Force tracking in MuJoCo over {between[0].time[-1]:.0f} s of random motion: the least RMS "
+        f"error is {100 * best.relative_error:.1f} % of the wanted force ({best.name}), "
+        f"that of on/off switching {100 * switching.relative_error:.1f} %."
     )
     page = Page(f"Inverse models of {result.plant.name}", summary, footer="Made by `mrdamp inverse`.")
     for kind, heading in _KINDS.items():
@@ -68,10 +67,6 @@ def _models(page: Page, result: Trial) -> None:
     if result.network:
         said.append(f"Network inverse: {result.network.about}.")
     page.text("Models", said)
-
-
-def _switching(result: Trial) -> float:
-    return next(t.relative_error for t in result.tracks["between"] if t.name == "on/off switching")
 
 
 def _noise(result: Trial) -> str:

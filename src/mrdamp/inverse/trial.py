@@ -17,9 +17,8 @@ from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, tra
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.narx.data import series
+from mrdamp.parallel import Progress, silent
 from mrdamp.records import RecordSet
-
-Progress = Callable[[str, float], None]
 
 #: Kinds of wanted force: between what the least and the largest command would bring, or another random force cut off
 #: at these two, as wanted by an optimal controller, independent of the damper's motion.
@@ -83,7 +82,7 @@ def trial(
     whether to train one. exact: also an inverse of the plant itself. commands: range. motion: None: that of the
     records, or 3 mm RMS from 0.5 to 5 Hz. seconds: of each run. Raises InputError.
     """
-    say = progress or (lambda what, share: None)
+    say = progress or silent
     low, high = command_range(model, commands)
     motion = motion or (RandomMotion(3e-3, 0.5, 5.0, seed) if records is None else motion_like(records, seed))
     sizes = Sizes.of(model, motion, high)

@@ -23,7 +23,17 @@ from mrdamp.model.attributes import (
     laws,
     vector,
 )
-from mrdamp.model.native import ERROR_SIZE, Array, Frame, Motions, Options, checked, library, pointer
+from mrdamp.model.native import (
+    ERROR_SIZE,
+    Array,
+    Frame,
+    Motions,
+    Options,
+    checked,
+    library,
+    pointer,
+    whole_pointer,
+)
 
 __all__ = [
     "COLUMNS",
@@ -83,9 +93,7 @@ class Narx:
         """Reads a weights file; raises InputError naming it."""
         try:
             return cls(Path(path).read_text())
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: {error}") from None
-        except InputError as error:
+        except (OSError, UnicodeDecodeError, InputError) as error:
             raise InputError(f"{path}: {error}") from None
 
     def forward(self, inputs: Array) -> float:
@@ -149,17 +157,11 @@ def run_records(
         for name, array in {**channels, "params": params, "out": out[-1]}.items():
             if array is not None:
                 setattr(motion, name, pointer(array))
+    net = narx.handle if narx else None
     checked(
-        library().mrdamp_run_records,
-        law_number(law),
-        narx.handle if narx else None,
-        len(records),
-        motions,
-        threads,
-        lanes,
-        len(columns),
-        numbers.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
-    )
+        library().mrdamp_run_records, law_number(law), net, len(records), motions, threads, lanes, len(columns),
+        whole_pointer(numbers),
+    )  # fmt: skip
     return out
 
 
@@ -188,15 +190,9 @@ def run_many(
 def run_in(dt: float, x: Array, u: Array, v: Array | None = None) -> slice | None:
     """The samples of a record, x (m), u (command), v (m/s), that lead into its motion; None where it begins at rest."""
     arrays = [_channel(name, value, len(x)) for name, value in (("x", x), ("v", v), ("u", u))]
+    given = [None if array is None else pointer(array) for array in arrays]
     begin, end = ctypes.c_int(), ctypes.c_int()
-    checked(
-        library().mrdamp_run_in,
-        dt,
-        len(x),
-        *(None if array is None else pointer(array) for array in arrays),
-        ctypes.byref(begin),
-        ctypes.byref(end),
-    )
+    checked(library().mrdamp_run_in, dt, len(x), *given, ctypes.byref(begin), ctypes.byref(end))
     return slice(begin.value, end.value) if begin.value < end.value else None
 
 
@@ -292,32 +288,22 @@ def run_frame_many(
     matrix = _matrix(params)
     if len(frames) != len(matrix):
         raise InputError(f"{len(frames)} frames for {len(matrix)} parameter sets")
-    ground = _channel("ground_acceleration", ground_acceleration, len(ground_acceleration))
-    command = _channel("u", u, len(ground_acceleration))
+    n = len(ground_acceleration)
+    ground, command = _channel("ground_acceleration", ground_acceleration, n), _channel("u", u, n)
     assert ground is not None
     assert command is not None
     keep: list[Array] = []
     rows = (Frame * len(frames))()
-    n = len(ground)
     for row, frame in zip(rows, frames, strict=True):
         fill_frame(row, frame, keep)
     sizes = [(2 * row.storeys + 7) * n for row in rows]
     out = np.empty(sum(sizes))
     options = Options(int(hold), threads, substep or 0.0, 0, 0)
+    net = narx.handle if narx else None
     checked(
-        library().mrdamp_run_frame,
-        law_number(law),
-        narx.handle if narx else None,
-        len(matrix),
-        pointer(matrix),
-        rows,
-        dt,
-        n,
-        pointer(ground),
-        pointer(command),
-        ctypes.byref(options),
-        pointer(out),
-    )
+        library().mrdamp_run_frame, law_number(law), net, len(matrix), pointer(matrix), rows, dt, n, pointer(ground),
+        pointer(command), ctypes.byref(options), pointer(out),
+    )  # fmt: skip
     parts = np.split(out, np.cumsum(sizes)[:-1])
     return [
         dict(zip(frame_columns(row.storeys), part.reshape(-1, n), strict=True))
@@ -339,16 +325,9 @@ def run_frame(
 ) -> dict[str, Array]:
     """One frame through one ground motion; arguments as in `run_frame_many`."""
     command = np.full(len(ground_acceleration), float(u)) if np.ndim(u) == 0 else np.asarray(u, dtype=float)
+    params = vector(law, parameters)
     return run_frame_many(
-        law,
-        vector(law, parameters),
-        [frame],
-        dt,
-        ground_acceleration,
-        command,
-        hold=hold,
-        substep=substep,
-        narx=narx,
+        law, params, [frame], dt, ground_acceleration, command, hold=hold, substep=substep, narx=narx
     )[0]
 
 
@@ -362,7 +341,7 @@ def fill_frame(row: Frame, frame: FrameInput, keep: list[Array]) -> None:
         array = _channel(name, getattr(frame, name), row.storeys)
         if array is not None:
             keep.append(array)
-        setattr(row, name, None if array is None else pointer(array))
+            setattr(row, name, pointer(array))
     row.damper_from, row.damper_to = frame.damper_between or (-1, -1)
     row.sway_mass, row.sway_stiffness, row.sway_damping = frame.sway or (0.0, 0.0, 0.0)
     row.rock_mass, row.rock_stiffness, row.rock_damping = frame.rock or (0.0, 0.0, 0.0)

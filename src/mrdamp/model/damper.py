@@ -199,33 +199,17 @@ class Model:
         """
         hold = bool(self.hold) if hold is None else hold
         if self.rig == "damper":
-            columns = ("force", "reference")
+            v, a = inputs.get("velocity_m_s"), inputs.get("acceleration_m_s2")
             out = core.run(
-                self.law,
-                self.attributes,
-                dt,
-                inputs["displacement_m"],
-                inputs.get("velocity_m_s"),
-                inputs.get("acceleration_m_s2"),
-                inputs["command"],
-                hold=hold,
-                run_in=True,
-                narx=self.narx,
-                columns=columns,
-            )
+                self.law, self.attributes, dt, inputs["displacement_m"], v, a, inputs["command"], hold=hold,
+                run_in=True, narx=self.narx, columns=("force", "reference"),
+            )  # fmt: skip
             return {"force_N": out["force"], "reference_force_N": out["reference"]}
-        ground = inputs["ground_acceleration_m_s2"]
+        substep = min(_FRAME_SUBSTEP, self.attributes.get("substep", _FRAME_SUBSTEP))
         out = core.run_frame(
-            self.law,
-            self.attributes,
-            self.frame,
-            dt,
-            ground,
-            inputs["command"],
-            hold=hold,
-            substep=min(_FRAME_SUBSTEP, self.attributes.get("substep", _FRAME_SUBSTEP)),
-            narx=self.narx,
-        )
+            self.law, self.attributes, self.frame, dt, inputs["ground_acceleration_m_s2"], inputs["command"], hold=hold,
+            substep=substep, narx=self.narx,
+        )  # fmt: skip
         return floor_channels(out, dt, self.attributes.get("channel_shift_d", 0.0))
 
     def to_dict(self) -> dict[str, Any]:

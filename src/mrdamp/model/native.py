@@ -28,7 +28,7 @@ class Motions(ctypes.Structure):
         *((name, ctypes.c_int) for name in ("nset", "n")),
         *((name, ctypes.c_double) for name in ("dt", "substep")),
         *((name, ctypes.c_int) for name in ("hold", "run_in")),
-        *((name, ctypes.POINTER(ctypes.c_double)) for name in ("params", "x", "v", "a", "u", "out")),
+        *((name, double_p) for name in ("params", "x", "v", "a", "u", "out")),
     )
 
 
@@ -86,9 +86,8 @@ class LinearStructure(ctypes.Structure):
 
 class Car(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_double) for name in ("body", "wheel", "stiffness", "damping", "tyre_stiffness")),
-        ("tyre_damping", ctypes.c_double),
-        ("weight", ctypes.c_double),
+        *((name, ctypes.c_double) for name in ("body", "wheel", "stiffness", "damping")),
+        *((name, ctypes.c_double) for name in ("tyre_stiffness", "tyre_damping", "weight")),
         ("sections", ctypes.c_int),
         ("weighting", double_p),
     )
@@ -103,69 +102,53 @@ class Load(ctypes.Structure):
     )
 
 
+def _entries() -> dict[str, tuple[Any, ...]]:
+    """What an entry returns and takes; those that take nothing but a whole number are left to ctypes."""
+    whole, real, text, address, p = ctypes.c_int, ctypes.c_double, ctypes.c_char_p, ctypes.c_void_p, ctypes.POINTER
+    error, making = (text, whole), (p(Dampers), p(whole), real, whole, whole)
+    texts = ("attribute_name", "attribute_group", "attribute_unit", "attribute_meaning", "law_name", "law_equations",
+             "law_parameters", "law_search", "law_sources", "source", "effect")  # fmt: skip
+    return {
+        **dict.fromkeys(texts, (text,)),
+        **dict.fromkeys(("attribute_default", "attribute_min", "attribute_max"), (real,)),
+        "narx_parse": (address, text, *error),
+        "narx_free": (None, address),
+        "narx_sample_time": (real, address),
+        "narx_inputs": (whole, address),
+        "narx_forward": (real, address, double_p),
+        "defaults": (None, double_p),
+        "check": (whole, whole, double_p, *error),
+        "run_records": (whole, whole, address, whole, p(Motions), whole, whole, whole, p(whole), *error),
+        "run_in": (whole, real, whole, double_p, double_p, double_p, p(whole), p(whole), *error),
+        "run_frame": (
+            whole, whole, address, whole, double_p, p(Frame), real, whole, double_p, double_p, p(Options), double_p,
+            *error,
+        ),
+        "rows_frame": (address, p(Frame), *making, *error),
+        "rows_linear": (address, p(LinearStructure), p(Dampers), real, whole, *error),
+        "rows_car": (address, p(Car), p(Dampers), real, whole, whole, *error),
+        **dict.fromkeys(("rows_size", "rows_measurements", "rows_criteria"), (whole, address)),
+        "rows_free": (None, address),
+        "rows_noise": (whole, address, double_p, *error),
+        "rows_start": (None, address, real, p(Load), address, address),
+        # Called every control period: addresses, which are quicker to hand over than typed pointers.
+        "rows_step": (None, address, whole, *(address,) * 5, whole, whole),
+        "rows_step_each": (None, address, whole, *(address,) * 5, whole),
+    }  # fmt: skip
+
+
 @functools.cache
 def library() -> ctypes.CDLL:
     """The shared library of plugin and C entries, loaded once. Raises EngineError for another MuJoCo."""
     load_plugin()  # brings the engine that the library is linked to
-
     lib = ctypes.CDLL(str(library_path()))
     if lib.mrdamp_abi() != _ABI:
         raise ImportError(
             f"{library_path().name} has interface {lib.mrdamp_abi()}, not {_ABI}: reinstall mrdamp"
         )
-    c_int, c_double, c_char_p, c_void_p = ctypes.c_int, ctypes.c_double, ctypes.c_char_p, ctypes.c_void_p
-    for name in ("name", "group", "unit", "meaning"):
-        getattr(lib, f"mrdamp_attribute_{name}").restype = c_char_p
-    for name in ("default", "min", "max"):
-        getattr(lib, f"mrdamp_attribute_{name}").restype = c_double
-    for name in ("law_name", "law_equations", "law_parameters", "law_search", "law_sources", "source", "effect"):
-        getattr(lib, f"mrdamp_{name}").restype = c_char_p
-    lib.mrdamp_narx_parse.restype = c_void_p
-    lib.mrdamp_narx_parse.argtypes = (c_char_p, c_char_p, c_int)
-    lib.mrdamp_narx_free.argtypes = (c_void_p,)
-    lib.mrdamp_narx_free.restype = None
-    lib.mrdamp_narx_sample_time.argtypes = (c_void_p,)
-    lib.mrdamp_narx_sample_time.restype = c_double
-    lib.mrdamp_narx_inputs.argtypes = (c_void_p,)
-    lib.mrdamp_narx_forward.argtypes = (c_void_p, double_p)
-    lib.mrdamp_narx_forward.restype = c_double
-    lib.mrdamp_defaults.argtypes = (double_p,)
-    lib.mrdamp_defaults.restype = None
-    lib.mrdamp_check.argtypes = (c_int, double_p, c_char_p, c_int)
-    lib.mrdamp_run_records.argtypes = (
-        (c_int, c_void_p, c_int, ctypes.POINTER(Motions), c_int, c_int, c_int, ctypes.POINTER(c_int), c_char_p, c_int)
-    )
-    whole = ctypes.POINTER(c_int)
-    lib.mrdamp_run_in.argtypes = (c_double, c_int, *(double_p,) * 3, whole, whole, c_char_p, c_int)
-    lib.mrdamp_run_frame.argtypes = (
-        (c_int, c_void_p, c_int, double_p, ctypes.POINTER(Frame), c_double, c_int)
-        + (double_p,) * 2
-        + (ctypes.POINTER(Options), double_p, c_char_p, c_int)
-    )
-    rest = (c_double, c_int, c_int, c_char_p, c_int)
-    lib.mrdamp_rows_frame.argtypes = (
-        ctypes.POINTER(Frame),
-        ctypes.POINTER(Dampers),
-        ctypes.POINTER(c_int),
-        *rest,
-    )
-    linear = ctypes.POINTER(LinearStructure), ctypes.POINTER(Dampers), c_double, c_int, c_char_p, c_int
-    lib.mrdamp_rows_linear.argtypes = linear
-    lib.mrdamp_rows_car.argtypes = (ctypes.POINTER(Car), ctypes.POINTER(Dampers), *rest)
-    for name in ("frame", "linear", "car"):
-        getattr(lib, f"mrdamp_rows_{name}").restype = c_void_p
-    lib.mrdamp_rows_free.argtypes = (c_void_p,)
-    lib.mrdamp_rows_free.restype = None
-    for name in ("size", "measurements", "criteria"):
-        getattr(lib, f"mrdamp_rows_{name}").argtypes = (c_void_p,)
-    lib.mrdamp_rows_noise.argtypes = (c_void_p, double_p, c_char_p, c_int)
-    lib.mrdamp_rows_start.argtypes = (c_void_p, c_double, ctypes.POINTER(Load), c_void_p, c_void_p)
-    lib.mrdamp_rows_start.restype = None
-    # Called every control period: addresses, which are quicker to hand over than typed pointers.
-    lib.mrdamp_rows_step.argtypes = (c_void_p, c_int, *(c_void_p,) * 5, c_int, c_int)
-    lib.mrdamp_rows_step.restype = None
-    lib.mrdamp_rows_step_each.argtypes = (c_void_p, c_int, *(c_void_p,) * 5, c_int)
-    lib.mrdamp_rows_step_each.restype = None
+    for name, (result, *arguments) in _entries().items():
+        entry = getattr(lib, f"mrdamp_{name}")
+        entry.restype, entry.argtypes = result, arguments or None
     return lib
 
 
@@ -178,6 +161,11 @@ def rows(table: str) -> Iterator[list[str]]:
 def pointer(array: Array) -> object:
     """Pointer to the doubles of a contiguous array."""
     return array.ctypes.data_as(double_p)
+
+
+def whole_pointer(array: npt.NDArray[np.intc]) -> object:
+    """Pointer to the whole numbers of a contiguous array."""
+    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_int))
 
 
 def checked(function: Any, *arguments: Any) -> None:

@@ -63,14 +63,7 @@ def lagged(channels: str = "viF", lags: int = 4) -> tuple[Input, ...]:
     return inputs
 
 
-def series(
-    record: Record,
-    sample_time: float | None = None,
-    *,
-    cutoff_hz: float | None = None,
-    filtered: bool = True,
-    channel: str = "force_N",
-) -> Series:
+def series(record: Record, sample_time: float | None = None, *, cutoff_hz: float | None = None) -> Series:
     """A record's channels at the network's sample time.
 
     The velocity is formed at the record's own rate, where differences are accurate, and resampled with the rest.
@@ -79,42 +72,38 @@ def series(
         record: of a damper.
         sample_time: s; None: the record's own.
         cutoff_hz: low-pass of the displacement before it is differentiated.
-        filtered: low-pass the channels where the rate falls. Without it the network's inputs are the samples
-            that the plugin supplies when it runs at the record's rate, noise and all.
-        channel: the force to learn.
 
     Raises:
-        InputError: the channel is missing, the displacement or the force is constant, or the force is clipped.
+        InputError: the force is missing, the displacement or the force is constant, or the force is clipped.
     """
-    force = record.channel(channel)
-    check_channels([record], ("displacement_m", channel))
-    check_clipping([record.with_channels({"force_N": force})])
+    force = record.channel("force_N")
+    check_channels([record], ("displacement_m", "force_N"))
+    check_clipping([record])
     old, new = record.sample_time, sample_time or record.sample_time
 
-    def at_new(values: Array, smooth: bool) -> Array:
+    def at_new(values: Array, smooth: bool = True) -> Array:
         same = abs(new / old - 1.0) < 1e-6
         return values if same else resampled(values, old, new, filtered=smooth)
 
-    return Series(
-        record.name, new, at_new(record.displacement, filtered), at_new(record.velocity(cutoff_hz), filtered),
-        at_new(record.command, False), at_new(force, filtered), noise(force),
-    )  # fmt: skip
+    x, v = at_new(record.displacement), at_new(record.velocity(cutoff_hz))
+    return Series(record.name, new, x, v, at_new(record.command, smooth=False), at_new(force), noise(force))
 
 
-def protocol(record: Record, counts: tuple[int, int, int] = PROTOCOL, sample_time: float = PROTOCOL_TIME,
-             *, cutoff_hz: float | None = None) -> tuple[Series, Series, Series]:  # fmt: skip
+def protocol(
+    record: Record, counts: tuple[int, int, int] = PROTOCOL, sample_time: float = PROTOCOL_TIME
+) -> tuple[Series, Series, Series]:
     """Training, validation and test part of one record, in time order, without a common sample.
 
     Raises:
         InputError: the record has fewer samples than the three together, or its command never varies.
     """
-    whole = series(record, sample_time, cutoff_hz=cutoff_hz)
+    whole = series(record, sample_time)
     ends = np.cumsum((0, *counts))
     if whole.n < ends[-1]:
         raise InputError(f"{record.label}: {whole.n} samples at {sample_time:g} s; {ends[-1]} are needed")
-    names = ("train", "validation", "test")
     train, validation, test = (
-        whole.part(int(ends[k]), int(ends[k + 1]), f"{whole.name}:{names[k]}") for k in range(3)
+        whole.part(int(ends[k]), int(ends[k + 1]), f"{whole.name}:{name}")
+        for k, name in enumerate(("train", "validation", "test"))
     )
     return train, validation, test
 

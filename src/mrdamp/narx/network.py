@@ -94,33 +94,6 @@ class Network:
         """Force (N,) in newton of N inputs (N, inputs) in physical units."""
         return nn.output(self.layers, self.scaled(values)) * self.force_scale + self.force_offset
 
-    def jacobian(self, values: Array) -> Array:
-        """d force / d theta (N, M), newton, exact."""
-        return nn.derivatives(self.layers, self.scaled(values))[1] * self.force_scale
-
-    def free_run(self, x: Array, v: Array, i: Array) -> Array:
-        """Force (n,) over its own past; before the record x and i as at its start, no v and no force.
-
-        Args:
-            x, v, i: (n,) m, m/s and command, at the network's sample time.
-        """
-        feedback = list(self.feedback)
-        values = regressors({"x": x, "v": v, "i": i, "F": np.zeros(len(x))}, self.inputs)
-        a = self.scaled(values)
-        first, bias = self.layers[0]
-        gain, shift = self.scale[feedback], self.offset[feedback]
-        a[:, feedback] = 0.0
-        known = a @ first.T + bias
-        back = first[:, feedback]
-        lags = np.array([self.inputs[k][1] for k in feedback], dtype=int)
-        force = np.zeros(len(x) + MAX_LAG)
-        for k in range(len(x)):
-            inner = known[k] + back @ ((force[k + MAX_LAG - lags] - shift) * gain)
-            for weight, offset in self.layers[1:]:
-                inner = weight @ np.tanh(inner) + offset
-            force[k + MAX_LAG] = inner[0] * self.force_scale + self.force_offset
-        return force[MAX_LAG:]
-
     def to_text(self) -> str:
         """The plugin's weights file, every digit kept."""
         lines = [

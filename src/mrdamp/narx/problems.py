@@ -50,16 +50,13 @@ class OneStep:
 
     @property
     def count(self) -> int:
-        """N."""
         return len(self.target)
 
     def cost(self, theta: Array) -> float:
-        """Sum of squared residuals."""
         residual = nn.output(nn.unpack(theta, self.inputs, self.hidden), self.a) - self.target
         return float(residual @ residual)
 
     def normal(self, theta: Array) -> tuple[Array, Array, float]:
-        """J'J, J'r, r'r."""
         layers, m = nn.unpack(theta, self.inputs, self.hidden), len(theta)
         a, g, e = np.zeros((m, m)), np.zeros(m), 0.0
         rows = max(1, _BLOCK // m)
@@ -135,7 +132,6 @@ class FreeRun:
 
     @property
     def count(self) -> int:
-        """N."""
         return int(np.count_nonzero(self.counts))
 
     def cost(self, theta: Array) -> float:
@@ -146,7 +142,6 @@ class FreeRun:
         return e if np.isfinite(e) else np.inf
 
     def normal(self, theta: Array) -> tuple[Array, Array, float]:
-        """J'J, J'r, r'r."""
         m = len(theta)
         a, g, e = np.zeros((m, m)), np.zeros(m), 0.0
         horizon, segments = self.target.shape

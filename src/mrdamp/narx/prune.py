@@ -8,7 +8,7 @@ The work that the foam-damper paper (Zapateiro, Luo, Taylor and Dyke, Section 6)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -26,9 +26,8 @@ from mrdamp.narx.data import Series
 from mrdamp.narx.evaluation import START, free_run_error, one_step_error
 from mrdamp.narx.network import Network
 from mrdamp.narx.problems import FreeRun
+from mrdamp.parallel import Progress, silent
 from mrdamp.pictures import style
-
-Progress = Callable[[str, float], None]
 
 METHODS = ("surgeon", "magnitude", "structure")
 
@@ -100,7 +99,7 @@ def prune(
     skip = int(START / network.sample_time)
     problem = FreeRun.of(network, train, horizon, most, skip=skip)
     with threadpool_limits(limits=1):  # the same network on every machine
-        steps = _pruning_curve(network, problem, validation, share, least, iterations, method, progress)
+        steps = _pruning_curve(network, problem, validation, share, least, iterations, method, progress or silent)
     limit = (1.0 + tolerance) * min(s.free_run for s in steps)
     good = min((s for s in steps if s.free_run <= limit), key=lambda s: s.weights)
     return Pruned(tuple(steps), good.network, tolerance)
@@ -108,7 +107,7 @@ def prune(
 
 def _pruning_curve(
     network: Network, problem: FreeRun, validation: Sequence[Series], share: float, least: int, iterations: int,
-    method: str, progress: Progress | None,
+    method: str, say: Progress,
 ) -> list[Step]:  # fmt: skip
     """The networks from the whole one down."""
     free = network.theta != 0.0
@@ -117,11 +116,8 @@ def _pruning_curve(
     steps = [_step(network, network.theta, validation), _step(network, posterior.theta, validation)]
     begin = int(free.sum())
     while free.sum() > least:
-        if progress:
-            gone = np.log(free.sum() / begin) / np.log(least / begin)
-            progress(
-                f"{int(free.sum())} weights, free-run error {100 * steps[-1].free_run:.2f} %", float(gone)
-            )
+        gone = float(np.log(free.sum() / begin) / np.log(least / begin))
+        say(f"{int(free.sum())} weights, free-run error {100 * steps[-1].free_run:.2f} %", gone)
         number = min(max(1, int(share * free.sum())), int(free.sum()) - least)
         theta = _without(network, posterior, free, number, method)
         theta, free = _drop_dead(network, theta, free)

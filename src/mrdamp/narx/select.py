@@ -5,13 +5,12 @@ Three searches after each other: input sets at given lags and units, then the la
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
@@ -24,9 +23,8 @@ from mrdamp.narx.evaluation import free_run_error, one_step_error
 from mrdamp.narx.layers import nguyen_widrow
 from mrdamp.narx.problems import OneStep
 from mrdamp.narx.train import best_stage, blank, refine
+from mrdamp.parallel import Progress, mapped, silent
 from mrdamp.pictures import style
-
-Progress = Callable[[str, float], None]
 
 SETS = ("xv", "xF", "vF", "xvF")  # Fig. 6
 SETS_CURRENT = ("xvi", "xiF", "viF", "xviF")  # the same under varying current
@@ -111,39 +109,24 @@ def try_candidate(
     with threadpool_limits(limits=1):
         net = blank(train, lagged(candidate.channels, candidate.lags), candidate.hidden)
         problem = OneStep.of(net, train, effort.most)
-        posterior = max(
-            (
-                minimise(
-                    problem,
-                    nguyen_widrow(len(net.inputs), net.hidden, np.random.default_rng((seed, number))),
-                    iterations=effort.one_step_iterations,
-                )
-                for number in range(effort.initialisations)
-            ),
-            key=lambda p: p.log_evidence,
-        )
+        rngs = [np.random.default_rng((seed, number)) for number in range(effort.initialisations)]
+        starts = [nguyen_widrow(len(net.inputs), net.hidden, rng) for rng in rngs]
+        found = [minimise(problem, start, iterations=effort.one_step_iterations) for start in starts]
+        posterior = max(found, key=lambda p: p.log_evidence)
         one = net.with_theta(posterior.theta)
         stages = [posterior]
         # Without past forces a free run is the same as a prediction one step ahead.
         for horizon in effort.horizons if net.feedback else ():
-            stages.append(
-                refine(net, train, stages[-1], horizon, most=effort.most, iterations=effort.iterations)
-            )
+            stages.append(refine(net, train, stages[-1], horizon, effort.most, effort.iterations))
         posterior = best_stage(net, stages, validation)
         free = net.with_theta(posterior.theta)
-        train_one, validation_one = (pooled([one_step_error(one, s) for s in p]) for p in (train, validation))
-        train_free, validation_free = (
-            pooled([free_run_error(free, s) for s in p]) for p in (train, validation)
+        train_one, validation_one, train_free, validation_free = (
+            pooled([error(network, s) for s in part])
+            for network, error in ((one, one_step_error), (free, free_run_error))
+            for part in (train, validation)
         )
-    return Trial(
-        candidate,
-        train_one,
-        validation_one,
-        train_free,
-        validation_free,
-        posterior.gamma,
-        len(posterior.theta),
-    )
+    gamma, weights = posterior.gamma, len(posterior.theta)
+    return Trial(candidate, train_one, validation_one, train_free, validation_free, gamma, weights)
 
 
 def select(
@@ -191,23 +174,21 @@ def select(
         sets = SETS_CURRENT if varies else SETS
     store = Checkpoint(cache, fingerprint((train, validation), "select", asdict(effort)))
     total = (len(sets) + len(lags) + len(units)) * seeds
-    done = 0
+    done, say = 0, progress or silent
 
     def search(what: str, candidates: Sequence[Candidate]) -> tuple[Trial, ...]:
         nonlocal done
         pairs = [(c, seed + k) for c in dict.fromkeys(candidates) for k in range(seeds)]
         found = {pair: trial for pair in pairs if (trial := _get(store, *pair)) is not None}
         missing = [pair for pair in pairs if pair not in found]
-        jobs = (delayed(try_candidate)(c, train, validation, effort, k) for c, k in missing)
+        jobs = [(c, train, validation, effort, k) for c, k in missing]
         done += len(pairs) - len(missing)
-        if progress:
-            progress(f"{what}: {len(missing)} to train", done / total)
-        for pair, trial in zip(missing, Parallel(n_jobs=workers, return_as="generator")(jobs), strict=True):
+        say(f"{what}: {len(missing)} to train", done / total)
+        for pair, trial in zip(missing, mapped(try_candidate, jobs, workers), strict=True):
             _put(store, trial, pair[1])
             found[pair] = trial
             done += 1
-            if progress:
-                progress(f"{what}: {_name(what, trial.candidate)}", done / total)
+            say(f"{what}: {_name(what, trial.candidate)}", done / total)
         return tuple(Trial.over([found[c, seed + k] for k in range(seeds)]) for c in candidates)
 
     by_inputs = search("inputs", [Candidate(c, first.lags, first.hidden) for c in sets])

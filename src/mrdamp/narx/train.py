@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.errors import InputError
 from mrdamp.identify import pooled
 from mrdamp.model import Model
-from mrdamp.model.core import Array
 from mrdamp.narx import layers as nn
 from mrdamp.narx.bayes import Posterior, minimise
 from mrdamp.narx.checkpoint import Checkpoint, fingerprint
@@ -22,8 +20,8 @@ from mrdamp.narx.data import Series, check, scaling
 from mrdamp.narx.evaluation import START, Evaluation, evaluate, free_run_error, one_step_error
 from mrdamp.narx.network import Input, Network, check_hidden, check_inputs
 from mrdamp.narx.problems import FreeRun, OneStep
+from mrdamp.parallel import Progress, mapped, silent
 
-Progress = Callable[[str, float], None]
 Score = Callable[[Network], float]
 
 #: Samples of free run from measured lags; None: whole stretches, started as the plugin starts.
@@ -61,21 +59,15 @@ class FitNarx:
         )  # fmt: skip
 
 
-def blank(
-    train: Sequence[Series], inputs: Sequence[Input], hidden: Sequence[int], sample_time: float | None = None
-) -> Network:
+def blank(train: Sequence[Series], inputs: Sequence[Input], hidden: Sequence[int]) -> Network:
     """A network of zeros with the scaling of these splits."""
-    offset, scale, force_offset, force_scale = scaling(train, inputs)
     theta = np.zeros(nn.count(len(inputs), hidden))
-    return Network(
-        sample_time or train[0].sample_time, tuple(inputs), offset, scale, force_offset, force_scale,
-        tuple(hidden), theta,
-    )  # fmt: skip
+    return Network(train[0].sample_time, tuple(inputs), *scaling(train, inputs), tuple(hidden), theta)
 
 
 def refine(
-    network: Network, train: Sequence[Series], posterior: Posterior, horizon: int | None, *,
-    free: Array | None = None, most: int | None = None, iterations: int = 30,
+    network: Network, train: Sequence[Series], posterior: Posterior, horizon: int | None, most: int | None = None,
+    iterations: int = 30,
 ) -> Posterior:  # fmt: skip
     """Free-run training over one horizon from the weights, alpha and beta of a posterior, re-estimated there."""
     problem = _segments(network, train, horizon, most)
@@ -83,7 +75,7 @@ def refine(
     if not np.isfinite(problem.cost(start)):
         return posterior
     # A new horizon has another error: beta from it, alpha stays.
-    return minimise(problem, start, alpha=posterior.alpha, free=free, iterations=iterations, tolerance=1e-4)
+    return minimise(problem, start, alpha=posterior.alpha, iterations=iterations, tolerance=1e-4)
 
 
 def best_stage(network: Network, stages: Sequence[Posterior], left_out: Sequence[Series]) -> Posterior:
@@ -157,7 +149,7 @@ def train_narx(
     rate = score or (lambda net: pooled([free_run_error(net, s) for s in chosen]))
     shape = [list(map(list, inputs)), list(hidden), seed, most, one_step_iterations, iterations]
     run = _Run(network, train, most, Checkpoint(cache, fingerprint((train,), "train", *shape)), workers,
-               progress or (lambda what, share: None))  # fmt: skip
+               progress or silent)  # fmt: skip
     starts = run.starts(initialisations, seed, one_step_iterations, 0.5 if horizons else 1.0)
     order = sorted(range(len(starts)), key=lambda k: -starts[k].log_evidence)[:refined]
     chains = [starts[k] for k in order]
@@ -221,7 +213,7 @@ class _Run:
             name: (self.network, self.train, p, horizon, self.most, iterations)
             for name, p in zip(names, chains, strict=True)
         }
-        return self._all(_refined, jobs, _segments(self.network, self.train, horizon, self.most))
+        return self._all(refine, jobs, _segments(self.network, self.train, horizon, self.most))
 
     def _all(
         self, work: Callable[..., Posterior], jobs: Mapping[str, tuple[Any, ...]], problem: OneStep | FreeRun,
@@ -231,9 +223,7 @@ class _Run:
         found = {name: p for name in jobs if (p := _read(self.store.get(name), problem)) is not None}
         missing = [name for name in jobs if name not in found]
         say(len(found))
-        results = Parallel(n_jobs=self.workers if len(missing) > 1 else 1, return_as="generator")(
-            delayed(work)(*jobs[name]) for name in missing
-        )
+        results = mapped(work, [jobs[name] for name in missing], self.workers)
         for name, posterior in zip(missing, results, strict=True):
             found[name] = posterior
             self.store.put(name, _kept(posterior))
@@ -244,19 +234,8 @@ class _Run:
 def _start(
     problem: OneStep, inputs: int, hidden: Sequence[int], seed: tuple[int, int], iterations: int
 ) -> Posterior:
-    # The sums' order, and so the weights, must not depend on the machine.
-    with threadpool_limits(limits=1):
-        return minimise(
-            problem, nn.nguyen_widrow(inputs, hidden, np.random.default_rng(seed)), iterations=iterations
-        )
-
-
-def _refined(
-    network: Network, train: Sequence[Series], posterior: Posterior, horizon: int | None, most: int | None,
-    iterations: int,
-) -> Posterior:  # fmt: skip
-    with threadpool_limits(limits=1):
-        return refine(network, train, posterior, horizon, most=most, iterations=iterations)
+    start = nn.nguyen_widrow(inputs, hidden, np.random.default_rng(seed))
+    return minimise(problem, start, iterations=iterations)
 
 
 def _segments(network: Network, train: Sequence[Series], horizon: int | None, most: int | None) -> FreeRun:

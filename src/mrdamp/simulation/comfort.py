@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import signal
 
 from mrdamp.errors import InputError
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array
 
 #: ISO 2631-1:1997, table A.1, Wk: corner frequencies (Hz) and quality factors. 1, 2: limits of the band (Butterworth);
 #: 3, 4: from acceleration to velocity; 5, 6: the upward step.
@@ -39,11 +38,7 @@ def wk_sections(sample_time: float) -> Array:
         raise InputError(
             f"weighted acceleration: a sample time of {sample_time} s; allowed: above 0 to 0.002 s"
         )
-    rows = []
-    for numerator, denominator in _sections():
-        b, a = signal.bilinear(numerator, denominator, 1 / sample_time)
-        rows.append([*b, *a])
-    return np.array(rows)
+    return np.array([np.concatenate(signal.bilinear(b, a, 1 / sample_time)) for b, a in _sections()])
 
 
 def weighted_rms(acceleration: ArrayLike, sample_time: float) -> float:
@@ -61,21 +56,15 @@ class BlockFilter:
 
     def __init__(self, sample_time: float, steps: int) -> None:
         sections = wk_sections(sample_time)
-        rest = np.zeros((SECTIONS, 2))
-        of_state, state = [], []
-        for k in range(STATES):
-            start = rest.copy()
-            start.flat[k] = 1.0
-            y, end = signal.sosfilt(sections, np.zeros(steps), zi=start)
-            of_state.append(y)
-            state.append(end.ravel())
-        of_input, drive = [], []
-        for k in range(steps):
-            y, end = signal.sosfilt(sections, np.eye(steps)[k], zi=rest)
-            of_input.append(y)
-            drive.append(end.ravel())
-        self.of_state, self.state = np.array(of_state).T, np.array(state).T
-        self.of_input, self.drive = np.array(of_input).T, np.array(drive).T
+
+        def answers(inputs: Array, starts: Array) -> tuple[Array, Array]:
+            """Outputs (steps, k) and last states (8, k) of inputs (k, steps) from starts (k, 8)."""
+            zi = starts.reshape(-1, SECTIONS, 2).swapaxes(0, 1)
+            y, end = signal.sosfilt(sections, inputs, zi=zi)
+            return y.T, end.swapaxes(0, 1).reshape(-1, STATES).T
+
+        self.of_state, self.state = answers(np.zeros((STATES, steps)), np.eye(STATES))
+        self.of_input, self.drive = answers(np.eye(steps), np.zeros((steps, STATES)))
 
     def __call__(self, x: Array, u: Array) -> tuple[Array, Array]:
         """Mean squares (n,) of the weighted samples, and the next states (n, 8), from states (n, 8) and samples

@@ -143,9 +143,6 @@ def _array(name: str, values: ArrayLike, shape: tuple[int, ...] | None) -> Float
     if array.ndim != 1 if shape is None else array.shape != shape:
         raise InputError(f"criteria: {name} has shape {array.shape}; allowed: {shape or '(n,)'}")
     if not np.isfinite(array).all():
-        raise InputError(f"criteria: {name} has a value that is not finite at sample {_first(array)}")
+        first = np.argwhere(~np.isfinite(array))[0][0]
+        raise InputError(f"criteria: {name} has a value that is not finite at sample {first}")
     return array
-
-
-def _first(array: FloatArray) -> int:
-    return int(np.argwhere(~np.isfinite(array))[0][0])

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from mrdamp.model.core import FrameInput
-
-Array = NDArray[np.float64]
+from mrdamp.model.core import Array, FrameInput
 
 
 class OnePole:

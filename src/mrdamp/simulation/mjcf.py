@@ -20,6 +20,12 @@ from mrdamp.structures import ShearFrame
 #: and the engine is off by 1 % of a record with jumps in twice that step.
 RIG_STEP, FRAME_STEP = 5e-4, 2.5e-4
 _WEIGHTS_TEXT = "damper_weights"
+#: Of the damper as drawn, one in a frame.
+DRAWN = ("bracket", "cylinder", "rod", "brace_left", "brace_right", "clevis")
+#: Sensors of a damper in an environment, in this order; `pull` is its mean force on the structure over a step.
+SIGNALS = ("force", "true_force", "stroke", "stroke_velocity", "current", "pull")
+# The engine's own sensors are quicker than the plugin's and read the same numbers.
+_ENGINES = {"stroke": "actuatorpos", "stroke_velocity": "actuatorvel", "pull": "actuatorfrc"}
 _STOREY_HEIGHT = 0.54  # m between slabs, as drawn
 _FIRST_HEIGHT = 0.58
 
@@ -39,19 +45,22 @@ def mjcf(model: Model, *, damper: bool = True, timestep: float | None = None) ->
     InputError.
     """
     if model.rig == "damper":
-        root = _parse("rig")
+        root = shipped("rig")
         root.set("model", "mrdamp_rig")
-        _signal_sensors(root, ("true_force", "current", "temperature"))
+        for signal in ("true_force", "current", "temperature"):
+            plugin_sensor(get(root, "sensor"), signal, signal)
         step = timestep or RIG_STEP
     else:
         assert model.structure is not None
-        root = _parse("frame3")
+        root = shipped("frame3")
         root.set("model", "mrdamp_frame")
         _build_storeys(root, model)
         step = timestep or FRAME_STEP
-    _find(root, "option").set("timestep", repr(step))
+    get(root, "option").set("timestep", repr(step))
     if damper:
-        _put_damper(root, model)
+        instance = get(root, "extension/plugin[@plugin='mrdamp.damper']/instance")
+        instance[:] = []
+        configure(root, instance, model)
     else:
         if model.rig == "damper":
             raise InputError("a rig without a damper has nothing to show")
@@ -73,54 +82,60 @@ def write_mjcf(model: Model, folder: Path | str) -> Path:
     return folder / "scene.xml"
 
 
-def _parse(name: str) -> ET.Element:
+def shipped(name: str) -> ET.Element:
+    """A hand-written model."""
     return ET.fromstring(models_xml.path(name).read_text(encoding="utf-8"))
 
 
-def _find(root: ET.Element, path: str) -> ET.Element:
+def get(root: ET.Element, path: str) -> ET.Element:
+    """The element at a path below root. Raises InputError where a shipped file lacks it."""
     found = root.find(path)
     if found is None:
         raise InputError(f"the model file has no <{path}>; reinstall mrdamp")
     return found
 
 
-def _put_damper(root: ET.Element, model: Model) -> None:
-    instance = _find(root, "extension/plugin[@plugin='mrdamp.damper']/instance")
-    for old in list(instance):
-        instance.remove(old)
+def child(root: ET.Element, tag: str) -> ET.Element:
+    """The first child of a tag, made where there is none."""
+    found = root.find(tag)
+    return ET.SubElement(root, tag) if found is None else found
+
+
+def drop(parent: ET.Element, path: str) -> None:
+    """Removes the children at a path."""
+    for item in parent.findall(path):
+        parent.remove(item)
+
+
+def configure(root: ET.Element, instance: ET.Element, model: Model) -> None:
+    """Gives an instance of the plugin a model's attributes, and root its weights."""
     for key, value in damper_config(model).items():
         ET.SubElement(instance, "config", key=key, value=value)
     if model.weights is not None:
-        custom = root.find("custom")
-        custom = ET.SubElement(root, "custom") if custom is None else custom
-        ET.SubElement(custom, "text", name=_WEIGHTS_TEXT, data=" ".join(model.weights.split()))
+        ET.SubElement(child(root, "custom"), "text", name=_WEIGHTS_TEXT, data=" ".join(model.weights.split()))
 
 
 def _remove_damper(root: ET.Element) -> None:
-    plugins = _find(root, "extension/plugin[@plugin='mrdamp.damper']")
-    plugins.remove(_find(plugins, "instance[@name='damper']"))
-    actuators, sensors = _find(root, "actuator"), _find(root, "sensor")
-    actuators.remove(_find(actuators, "plugin[@name='damper']"))
-    for plugin in sensors.findall("plugin"):
-        sensors.remove(plugin)
-    if root.find("tendon") is not None:
-        root.remove(_find(root, "tendon"))
-    drawn = ("bracket", "cylinder", "rod", "brace_left", "brace_right", "clevis")
+    plugins = get(root, "extension/plugin[@plugin='mrdamp.damper']")
+    plugins.remove(get(plugins, "instance[@name='damper']"))
+    actuators = get(root, "actuator")
+    actuators.remove(get(actuators, "plugin[@name='damper']"))
+    drop(get(root, "sensor"), "plugin")
+    drop(root, "tendon")
     for body in root.iter("body"):
         for geom in body.findall("geom"):
-            if (geom.get("name") or "").removesuffix("_damper") in drawn:
+            if (geom.get("name") or "").removesuffix("_damper") in DRAWN:
                 body.remove(geom)
 
 
 def _build_storeys(root: ET.Element, model: Model) -> None:
     structure, frame = model.structure, model.frame
     assert structure is not None
-    table = _find(root, "worldbody/body[@name='table']")
-    first = _find(table, "body[@name='floor1']")
+    table = get(root, "worldbody/body[@name='table']")
+    first = get(table, "body[@name='floor1']")
     table.remove(first)
-    pattern = copy.deepcopy(_find(first, "body[@name='floor2']"))
-    for inner in pattern.findall("body"):
-        pattern.remove(inner)
+    pattern = copy.deepcopy(get(first, "body[@name='floor2']"))
+    drop(pattern, "body")
     tool = {geom.get("name"): geom for geom in (*table.findall("geom"), *first.findall("geom"))}
     # The extension's drawing goes with the storey that the damper stands in.
     for name in ("bracket", "cylinder"):
@@ -132,8 +147,8 @@ def _build_storeys(root: ET.Element, model: Model) -> None:
         body.set("name", f"floor{j}")
         body.set("pos", f"0 0 {_FIRST_HEIGHT if j == 1 else _STOREY_HEIGHT}")
         body.set("childclass", "storey")
-        _find(body, "inertial").set("mass", repr(float(frame.mass[j - 1])))
-        joint = _find(body, "joint")
+        get(body, "inertial").set("mass", repr(float(frame.mass[j - 1])))
+        joint = get(body, "joint")
         joint.set("name", f"storey{j}")
         joint.set("stiffness", repr(float(frame.stiffness[j - 1])))
         damping = [float(frame.damping[j - 1])]
@@ -161,7 +176,7 @@ def _build_storeys(root: ET.Element, model: Model) -> None:
 def _put_friction(root: ET.Element, storey: int, coulomb: float, width: float, presliding: float) -> None:
     """Dry friction in a storey: a damper with nothing else in it, as the engine's own friction is soft."""
     name = f"friction_{storey}"
-    damper = _find(root, "extension/plugin[@plugin='mrdamp.damper']")
+    damper = get(root, "extension/plugin[@plugin='mrdamp.damper']")
     instance = ET.SubElement(damper, "instance", name=name)
     law = dict.fromkeys(("c0a", "c0b", "fya", "fyb", "v_ref"), "0")
     friction = {"seal_friction_coulomb": repr(coulomb), "seal_friction_presliding": repr(presliding)}
@@ -169,14 +184,8 @@ def _put_friction(root: ET.Element, storey: int, coulomb: float, width: float, p
         friction = {"fya": repr(coulomb), "v_ref": repr(width)}
     for key, value in ({"law": "bingham"} | law | friction).items():
         ET.SubElement(instance, "config", key=key, value=value)
-    ET.SubElement(
-        _find(root, "actuator"),
-        "plugin",
-        name=name,
-        joint=f"storey{storey}",
-        plugin="mrdamp.damper",
-        instance=name,
-    )
+    place = {"joint": f"storey{storey}", "plugin": "mrdamp.damper", "instance": name}
+    ET.SubElement(get(root, "actuator"), "plugin", place, name=name)
 
 
 def _draw_damper(
@@ -202,7 +211,7 @@ def _draw_damper(
 
 def _actuators(root: ET.Element, structure: ShearFrame) -> None:
     lower, upper = structure.damper_between
-    plugin = _find(root, "actuator/plugin[@name='damper']")
+    plugin = get(root, "actuator/plugin[@name='damper']")
     if (lower, upper) == (0, 1):
         return
     # Over several storeys, or from the rod end below: the sum of the drifts, with its sign.
@@ -218,24 +227,19 @@ def _actuators(root: ET.Element, structure: ShearFrame) -> None:
         ET.SubElement(fixed, "joint", joint=f"storey{j}", coef=str(sign))
 
 
-def _signal_sensors(root: ET.Element, signals: tuple[str, ...]) -> None:
-    for signal in signals:
-        item = ET.SubElement(
-            _find(root, "sensor"),
-            "plugin",
-            name=signal,
-            plugin="mrdamp.force_sensor",
-            objtype="actuator",
-            objname="damper",
-        )
+def plugin_sensor(group: ET.Element, signal: str, name: str, actuator: str = "damper") -> None:
+    """Appends the plugin's sensor of a damper's signal to a group of sensors."""
+    item = ET.SubElement(
+        group, "plugin", name=name, plugin="mrdamp.force_sensor", objtype="actuator", objname=actuator
+    )
+    if signal != "force":
         ET.SubElement(item, "config", key="signal", value=signal)
 
 
 def _sensors(root: ET.Element, model: Model) -> None:
-    sensor = _find(root, "sensor")
-    force = copy.deepcopy(_find(sensor, "plugin"))
-    for item in list(sensor):
-        sensor.remove(item)
+    sensor = get(root, "sensor")
+    force = copy.deepcopy(get(sensor, "plugin"))
+    sensor[:] = []
     assert model.structure is not None
     floors = range(1, model.structure.storeys + 1)
     for j in floors:
@@ -243,17 +247,45 @@ def _sensors(root: ET.Element, model: Model) -> None:
     for j in floors:
         ET.SubElement(sensor, "jointpos", name=f"drift_{j}", joint=f"storey{j}")
     sensor.append(force)
-    _signal_sensors(root, ("true_force", "stroke", "stroke_velocity", "current"))
+    for signal in ("true_force", "stroke", "stroke_velocity", "current"):
+        plugin_sensor(sensor, signal, signal)
     # The engine's accelerometers are ideal; what their readings go through is kept for `mrdamp.simulation.stepping`.
     placed = [e for e in model.effects if e.place is not None and e.name in FLOOR_SENSOR_EFFECTS]
-    if placed:
-        custom = root.find("custom")
-        custom = ET.SubElement(root, "custom") if custom is None else custom
-        for effect in placed:
-            for key, value in effect.parameters.items():
-                ET.SubElement(
-                    custom,
-                    "numeric",
-                    name=f"acceleration_{effect.place}_{effect.name}_{key}",
-                    data=repr(float(value)),
-                )
+    for effect in placed:
+        for key, value in effect.parameters.items():
+            name = f"acceleration_{effect.place}_{effect.name}_{key}"
+            ET.SubElement(child(root, "custom"), "numeric", name=name, data=repr(float(value)))
+
+
+def add_sensor(group: ET.Element, signal: str, name: str, actuator: str, model: Model) -> None:
+    """Appends the sensor of one of `SIGNALS` of a damper (an actuator's name) to a group of sensors."""
+    # Only the plugin can give a shifted stroke (`channel_shift`).
+    if signal in _ENGINES and not (signal == "stroke" and model.attributes.get("channel_shift_d", 0.0)):
+        ET.SubElement(group, _ENGINES[signal], name=name, actuator=actuator)
+    else:
+        plugin_sensor(group, signal, name, actuator)
+
+
+def add_damper(root: ET.Element, damper: Model, **place: str) -> None:
+    """The plugin as actuator `damper` in place, as tendon="stroke" or joint="suspension", and its sensors."""
+    extension, actuator = get(root, "extension"), get(root, "actuator")
+    plugin = ET.SubElement(extension, "plugin", plugin="mrdamp.damper")
+    configure(root, ET.SubElement(plugin, "instance", name="damper"), damper)
+    ET.SubElement(extension, "plugin", plugin="mrdamp.force_sensor")
+    ET.SubElement(actuator, "plugin", place, name="damper", plugin="mrdamp.damper", instance="damper")
+    sensor = child(root, "sensor")
+    for name in ("stroke", "stroke_velocity"):
+        drop(sensor, f"*[@name='{name}']")
+    for signal in SIGNALS:
+        add_sensor(sensor, signal, signal, "damper", damper)
+
+
+def remove_damper(root: ET.Element) -> None:
+    """Removes every plugin and its sensors."""
+    for tag in ("extension", "actuator", "sensor"):
+        drop(get(root, tag), "plugin")
+
+
+def actuator_name(k: int) -> str:
+    """Of damper k, from 0: `damper`, `damper_2`, `damper_3` ..."""
+    return "damper" if k == 0 else f"damper_{k + 1}"

@@ -8,15 +8,14 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len
 from scipy.interpolate import CubicSpline
 
 from mrdamp.errors import InputError, require_positive
 from mrdamp.files import decode, read_bytes
+from mrdamp.model.core import Array
 from mrdamp.records import csv_file
-
-Array = NDArray[np.float64]
 
 #: Displacement spectral density at 0.1 cycles/m, m3: geometric means of the classes, ISO 8608:2016, table C.1.
 CLASSES = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6}

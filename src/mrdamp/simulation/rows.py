@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +26,8 @@ from mrdamp.model.native import (
     checked,
     library,
     pointer,
-)
+    whole_pointer,
+)  # fmt: skip
 from mrdamp.simulation.comfort import STATES, wk_sections
 from mrdamp.structures.cars import QuarterCar
 
@@ -116,29 +117,22 @@ class ChainRows:
     """
 
     def __init__(
-        self,
-        make: Callable[[Any, Dampers, Any], int],
-        models: Sequence[Model],
-        stepping: Stepping,
-        loads: int,
-        coordinates: int,
-    ) -> None:
+        self, kind: str, made: tuple[Any, ...], given: Any, arguments: tuple[Any, ...], models: Sequence[Model],
+        stepping: Stepping, loads: int, coordinates: int,
+    ) -> None:  # fmt: skip
+        """kind, made: the constructor and its arguments. given, arguments: of the C entry, before and after dampers."""
         n, period = stepping.n, stepping.period
+        self._made = kind, made
         self._lib = library()
         self._nets: list[Narx | None] = [m.narx for m in models]
         laws = np.array([law_number(m.law) for m in models], dtype=np.intc)
         params = np.ascontiguousarray([vector(m.law, m.attributes) for m in models])
         largest = np.ascontiguousarray(stepping.command_max, dtype=np.float64)
         handles = (ctypes.c_void_p * len(models))(*(net.handle if net else None for net in self._nets))
-        dampers = Dampers(
-            len(models),
-            laws.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
-            handles,
-            pointer(params),
-            pointer(largest),
-        )
+        dampers = Dampers(len(models), whole_pointer(laws), handles, pointer(params), pointer(largest))
         error = ctypes.create_string_buffer(ERROR_SIZE)
-        self._handle = make(self._lib, dampers, error)
+        make = getattr(self._lib, f"mrdamp_rows_{kind}")
+        self._handle = make(given, dampers, *arguments, error, ERROR_SIZE) or 0
         if not self._handle:
             raise InputError(error.value.decode())
         self.n, self.inner, self.period = n, stepping.inner, period
@@ -151,7 +145,6 @@ class ChainRows:
         self._load = (Load * n)(*(Load(pointer(each), period, 1, 0) for each in self._given))
         self._point()
         self.step = np.zeros(n, dtype=np.int64)
-        self._made: tuple[str, tuple[Any, ...]] = "", ()
         self._noise: Array | None = None
 
     def _point(self) -> None:
@@ -161,13 +154,9 @@ class ChainRows:
 
     @classmethod
     def frame(
-        cls,
-        frame: FrameInput,
-        models: Sequence[Model],
-        damper_floors: Sequence[tuple[int, int]],
-        stepping: Stepping,
+        cls, frame: FrameInput, models: Sequence[Model], damper_floors: Sequence[tuple[int, int]], stepping: Stepping,
         instants: int = 1,
-    ) -> ChainRows:
+    ) -> ChainRows:  # fmt: skip
         """Shear frames with dampers between pairs of floors (0 the ground), under ground accelerations (m/s2).
 
         instants: of every step, at which the criteria are taken.
@@ -176,33 +165,15 @@ class ChainRows:
         given = Frame()
         fill_frame(given, frame, keep)
         pairs = np.array(damper_floors, dtype=np.intc)
-        places = pairs.ctypes.data_as(ctypes.POINTER(ctypes.c_int))
-
-        def make(lib: Any, dampers: Dampers, error: Any) -> int:
-            return int(
-                lib.mrdamp_rows_frame(
-                    given, dampers, places, stepping.period, stepping.inner, instants, error, ERROR_SIZE
-                )
-                or 0
-            )
-
-        rows = cls(make, models, stepping, 1, len(frame.mass))
-        rows._made = "frame", (frame, models, damper_floors, stepping, instants)
-        return rows
+        arguments = whole_pointer(pairs), stepping.period, stepping.inner, instants
+        made = frame, models, damper_floors, stepping, instants
+        return cls("frame", made, given, arguments, models, stepping, 1, len(frame.mass))
 
     @classmethod
     def linear(
-        cls,
-        rate: Array,
-        load: Array,
-        stroke: Array,
-        push: Array,
-        at: Array,
-        models: Sequence[Model],
-        stepping: Stepping,
-        mass: float = 0.0,
-        absolute: bool = False,
-    ) -> ChainRows:
+        cls, rate: Array, load: Array, stroke: Array, push: Array, at: Array, models: Sequence[Model],
+        stepping: Stepping, mass: float = 0.0, absolute: bool = False,
+    ) -> ChainRows:  # fmt: skip
         """Linear structures q'' = rate [q; q'] + load w + push f with m dampers, f (N) their tension, under loads w.
 
         rate (n, 2n), load (n, k), stroke (m, n) of the dampers per unit of the coordinates, push (n, m), at (p, n) of
@@ -212,22 +183,11 @@ class ChainRows:
         arrays = [np.ascontiguousarray(a, dtype=np.float64) for a in (rate, load, stroke, push, at)]
         n, loads, places = len(rate), arrays[1].shape[1], len(at)
         given = LinearStructure(n, loads, *map(pointer, arrays[:4]), places, pointer(arrays[4]), absolute, mass)
-
-        def make(lib: Any, dampers: Dampers, error: Any) -> int:
-            period, inner = stepping.period, stepping.inner
-            return int(lib.mrdamp_rows_linear(given, dampers, period, inner, error, ERROR_SIZE) or 0)
-
-        rows = cls(make, models, stepping, loads, n)
-        rows._made = "linear", (rate, load, stroke, push, at, models, stepping, mass, absolute)
-        return rows
+        made = rate, load, stroke, push, at, models, stepping, mass, absolute
+        return cls("linear", made, given, (stepping.period, stepping.inner), models, stepping, loads, n)
 
     @classmethod
-    def car(
-        cls,
-        car: QuarterCar,
-        model: Model,
-        stepping: Stepping,
-    ) -> ChainRows:
+    def car(cls, car: QuarterCar, model: Model, stepping: Stepping) -> ChainRows:
         """Quarter cars on roads whose vertical acceleration (m/s2) is the load; measured as frames of two floors."""
         period, inner = stepping.period, stepping.inner
         sections = wk_sections(period / inner)
@@ -236,13 +196,7 @@ class ChainRows:
             car.body, car.wheel, car.stiffness, car.damping, car.tyre_stiffness, car.tyre_damping, car.weight,
             len(weighting), pointer(weighting),
         )  # fmt: skip
-
-        def make(lib: Any, dampers: Dampers, error: Any) -> int:
-            return int(lib.mrdamp_rows_car(given, dampers, period, inner, 1, error, ERROR_SIZE) or 0)
-
-        rows = cls(make, [model], stepping, 1, 2)
-        rows._made = "car", (car, model, stepping)
-        return rows
+        return cls("car", (car, model, stepping), given, (period, inner, 1), [model], stepping, 1, 2)
 
     def __reduce__(self) -> Any:
         """Copies are made again as this was, at the same present."""
@@ -312,12 +266,10 @@ class ChainRows:
         return self.state[:, begin : begin + STATES]
 
     def save(self, row: int) -> RowMoment:
-        """The row's present, to go back to."""
         load = self._load[row]
         return RowMoment(self.state[row].copy(), self._given[row], load.sample_time, load.steps)
 
     def restore(self, row: int, moment: RowMoment) -> None:
-        """Back to a saved present, exactly."""
         self._give(row, moment.load, moment.sample_time, moment.steps)
         self.state[row] = moment.state
         self.step[row] = int(moment.state[0])
@@ -372,12 +324,9 @@ class Each:
 
 
 def _again(
-    made: tuple[str, tuple[Any, ...]],
-    noise: Array | None,
-    moments: Sequence[RowMoment],
-    criteria: Array,
+    made: tuple[str, tuple[Any, ...]], noise: Array | None, moments: Sequence[RowMoment], criteria: Array,
     measured: Array,
-) -> ChainRows:
+) -> ChainRows:  # fmt: skip
     kind, arguments = made
     rows: ChainRows = getattr(ChainRows, kind)(*arguments)
     if noise is not None:

@@ -33,6 +33,13 @@ def _load(text: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
     return model, mujoco.MjData(model)
 
 
+def _addresses(m: mujoco.MjModel, storeys: int) -> tuple[dict[str, int], list[int], list[int]]:
+    """Where each sensor's data begin, by name; and those of the floors' accelerations and of the drifts."""
+    of = {m.sensor(k).name: int(m.sensor(k).adr[0]) for k in range(m.nsensor)}
+    floors = range(1, storeys + 1)
+    return of, [of[f"acceleration_{j}"] for j in floors], [of[f"drift_{j}"] for j in floors]
+
+
 def _require_sound(model: Model, d: mujoco.MjData) -> None:
     """Raises Diverged where the engine warned: it then has begun anew, at rest."""
     if any(d.warning.number):
@@ -77,11 +84,8 @@ def drive_rig(
     if shift:  # the displacement is read late or early: the rod moves as it really did
         path, moved = CubicHermiteSpline(t, x, v), np.clip(t + shift, 0.0, t[-1])
         beyond = t + shift - moved  # the record's ends; the motion continues at its velocity there
-        x, v, a = (
-            path(moved) + path(moved, 1) * beyond,
-            path(moved, 1),
-            np.interp(moved, t, a) * (beyond == 0),
-        )
+        x, v = path(moved) + path(moved, 1) * beyond, path(moved, 1)
+        a = np.interp(moved, t, a) * (beyond == 0)
     fine = dt / inner * np.arange((n - 1) * inner + 1)
     rod, rod_velocity = _straight(x, v, dt, inner)
     acceleration, command = np.interp(fine, t, a), between(u, inner, False, bool(model.hold))
@@ -163,9 +167,7 @@ def run_frame(
     joints = [int(m.joint(f"storey{j}").dofadr[0]) for j in range(1, storeys + 1)]
     # What a metre of each storey's drift adds to the stroke.
     lever = model.structure.stroke(np.triu(np.ones((storeys, storeys))))
-    address = {m.sensor(k).name: int(m.sensor(k).adr[0]) for k in range(m.nsensor)}
-    accelerations = [address[f"acceleration_{j}"] for j in range(1, storeys + 1)]
-    drifts = [address[f"drift_{j}"] for j in range(1, storeys + 1)]
+    address, accelerations, drifts = _addresses(m, storeys)
     samples = math.floor(motion.duration / period + 1e-9) + 1
     # The engine's Euler step is a leapfrog whose velocities stand half a step early: forces belong to its start.
     push = np.interp(step * np.arange(samples * inner), motion.time, motion.acceleration)
@@ -195,8 +197,7 @@ def run_frame(
             read = sensors.read(run.acceleration[k : k + 1], None if k else [0])[0]
             y = {f"acceleration_{j + 1}": float(read[j]) for j in range(storeys)}
             y |= {f"displacement_{j + 1}": float(displacement[j]) for j in range(storeys)}
-            y["stroke"], y["force"] = float(run.stroke[k]), float(reading)
-            y["stroke_velocity"] = float(velocity)
+            y |= {"stroke": float(run.stroke[k]), "force": float(reading), "stroke_velocity": float(velocity)}
             run.command[k] = controller.command(float(run.time[k]), y)
             if damped:
                 d.ctrl[damper] = run.command[k]
@@ -224,9 +225,7 @@ def drive_frame(
     command = between(u, inner, False, bool(model.hold))
     m, d = _load(mjcf(_from(model, float(u[0])), timestep=step))
     ground, damper = m.actuator("ground").id, m.actuator("damper").id
-    address = {m.sensor(k).name: int(m.sensor(k).adr[0]) for k in range(m.nsensor)}
-    accelerations = [address[f"acceleration_{j}"] for j in range(1, storeys + 1)]
-    drifts = [address[f"drift_{j}"] for j in range(1, storeys + 1)]
+    address, accelerations, drifts = _addresses(m, storeys)
     rows = np.empty((n, 2 * storeys + 1))
     for k in range((n - 1) * inner + 1):
         d.ctrl[ground], d.ctrl[damper] = push[k], command[k]

@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import block_diag, eigh
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_one_of
 from mrdamp.structures.frames import FloatArray
 
 Load = Literal["uniform", "mode1"]
@@ -44,8 +44,7 @@ class TautCable:
             raise InputError(
                 f"cable: damping ratio {self.ratio}, {self.modes} modes; allowed: 0 to 1, 1 or more"
             )
-        if self.load not in ("uniform", "mode1"):
-            raise InputError(f"cable: load {self.load!r}; allowed: uniform, mode1")
+        require_one_of("cable", ("uniform", "mode1"), load=self.load)
 
     @cached_property
     def mass(self) -> FloatArray:
