@@ -28,7 +28,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         record.save(tmp_path / name)
     other.save(tmp_path / "set" / "b.csv")
     (tmp_path / "set" / "case.json").write_text("{}")
-    (tmp_path / "m.json").write_text('{"model": {"law": "bingham", "parameters": {"c0a": 1, "c0b": 0, "fya": 1,'
+    (tmp_path / "m.json").write_text('{"model": {"law": "bingham", "parameters": {"c0a": 500, "c0b": 0, "fya": 300,'
                                      ' "fyb": 0, "v_ref": 0.1}}}')  # fmt: skip
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -51,10 +51,21 @@ def check_channels(records: Sequence[Record], need: Sequence[str] = ("displaceme
                 raise InputError(
                     f"{record.label}: channel {name} is constant ({values[0]:g}); nothing can be identified from it"
                 )
-        if set(need) >= {"displacement_m", "force_N"} and (
-            said := driven(record.displacement, record.channel("force_N"), record.sample_time)
-        ):
-            raise InputError(f"{record.label}: force_N: {said}; turn its sign")
+        if set(need) >= {"displacement_m", "force_N"}:
+            check_sign(record)
+
+
+def check_sign(record: Record) -> None:
+    """Raises InputError where the damper would drive its rig (`motion.driven`)."""
+    if said := _sign(record):
+        raise InputError(said)
+
+
+def _sign(record: Record) -> str:
+    if not {"displacement_m", "force_N"} <= set(record.channels):
+        return ""
+    said = driven(record.displacement, record.channel("force_N"), record.sample_time)
+    return said and f"{record.label}: force_N: {said}; turn its sign"
 
 
 def check_size(records: Sequence[Record], coordinates: int) -> None:
@@ -71,6 +82,7 @@ def warnings_of(records: Sequence[Record]) -> list[str]:
     sizes = [_sizes(record) for record in records]
     found: list[str] = []
     for record, own in zip(records, sizes, strict=True):
+        found += [said] if (said := _sign(record)) else []
         for name, size in own.items():
             low, high = _USUAL[name]
             usual = float(np.median([other[name] for other in sizes if name in other]))

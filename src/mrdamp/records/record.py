@@ -262,9 +262,6 @@ def read_record(path: Path | str, required: Sequence[str] | None = None) -> Reco
                 f"{path}: velocity_m_s is {ratio:.3g} times the rate of displacement_m; correct the units or the sign,"
                 " or leave the column out"
             )
-    for name in ("force_N", "reference_force_N") if "displacement_m" in channels else ():
-        if name in channels and (said := motion.driven(channels["displacement_m"], channels[name], sample_time)):
-            raise InputError(f"{path}: {name}: {said}; turn its sign")
     time = channels["time_s"]
     channels["time_s"] = time[0] + sample_time * np.arange(len(time))  # printed stamps are rounded
     return Record(_stem(path.name), path, sample_time, channels, ignored)

@@ -16,6 +16,7 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record, read_record
 from mrdamp.records.channels import DAMPER_INPUTS, FRAME_INPUTS, is_channel, listed
+from mrdamp.records.checks import check_sign
 
 #: Least number of samples of a record.
 LEAST = 100
@@ -76,6 +77,8 @@ def read_case(folder: Path | str) -> Case:
         _record(folder, path, name, channels, data.get("sample_rate_hz"))
         for name in _baseline(path, data, names)
     )
+    for record in (*records, *(r for r, _ in repeats), *baseline):
+        check_sign(record)
     _check_units(path, model, records)
     own = None
     if IDENTIFIED_ON in data:
