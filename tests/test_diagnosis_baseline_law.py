@@ -26,6 +26,7 @@ from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.report.result import Diagnosis, Gap
 from mrdamp.diagnosis.run import diagnose
+from mrdamp.errors import InputError
 from mrdamp.identify import identify
 from mrdamp.identify.laws import DEPENDENCES, Scales
 from mrdamp.model import Effect, Model
@@ -153,14 +154,22 @@ def test_the_given_simulator_is_handed_over_where_the_law_of_the_baseline_predic
     assert (gap.nominal, gap.corrected, gap.left_out, gap.baseline) == (0.2, left, left, 0.15)
 
 
-@pytest.mark.slow
-def test_the_dependence_on_the_command_is_one_that_each_half_shows() -> None:
-    """Every other record has one of three steady commands; all of them together show more levels."""
-    ordered = [baseline()[k] for k in (0, 4, 1, 5, 2, 3)]
-    assert Scales.of(ordered).levels > Scales.of(ordered[::2]).levels == 3
-    found = baseline_law(rig(lines()), ordered)
-    assert found is not None
-    assert DEPENDENCES[found.dependence] == 3
+def test_the_dependence_on_the_command_is_one_that_each_half_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the order of the files: four constant commands are two in each half, with steps there are more."""
+    asked: list[str] = []
+
+    def fit(law: str, some: Sequence[Record], *, dependence: str, **_: Any) -> Any:
+        asked.append(dependence)
+        raise InputError(f"{law} of {len(some)}")
+
+    monkeypatch.setattr(module, "identify", fit)
+    given, constant = rig(lines()), baseline()[:4]
+    mixed = [baseline()[k] for k in (0, 4, 1, 5, 2, 3)]
+    for some, levels in ((constant, 2), (constant[::-1], 2), (baseline(), 4), (mixed, 4)):
+        asked.clear()
+        assert baseline_law(given, some) is None
+        assert {DEPENDENCES[name] for name in asked} == {levels}
+    assert Scales.of(constant).levels == 4
 
 
 @pytest.mark.slow

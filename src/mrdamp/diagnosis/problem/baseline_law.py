@@ -76,8 +76,8 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
         return None
     if not all("force_N" in r.channels for r in baseline) or not _spans(baseline, given.records):
         return None
-    # Both halves have commands of all sizes, whatever the order of the files.
-    ordered = sorted(baseline, key=lambda r: (float(np.mean(r.command)), float(np.std(r.channel("force_N")))))
+    # Both halves have commands of all kinds and sizes, whatever the order of the files.
+    ordered = sorted(baseline, key=lambda r: (np.ptp(r.command), np.mean(r.command), np.std(r.channel("force_N"))))
     parts = (ordered[::2], ordered[1::2])
     levels = min(Scales.of(part).levels for part in parts)
     dependence = [name for name, need in DEPENDENCES.items() if need <= levels][-1]
