@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
 
 #: Groups of records that are left out in turn; parts in time of each record if there are fewer records.
-_GROUPS, _PARTS, _SEED = 4, 3, 1
+_GROUPS, _PARTS = 4, 3
 #: Degree of a parameter's curve over the command.
 _DEGREE = 2
 #: Parameters of the Bouc-Wen laws that are springs.
@@ -41,18 +41,17 @@ _REFITS, _RETRIES = 4, 2
 
 
 def folds(problem: Problem) -> list[Mask]:
-    """Masks (samples,) of what is left out in turn: groups of records at random, or parts in time of each record."""
+    """Masks (samples,) of what is left out in turn: groups of records, or parts in time of each record."""
     lengths = [b.span.stop - b.span.start for b in problem.blocks]
     count, measured = len(problem.records), problem.measured()
     if count < _GROUPS:
         number = np.concatenate([np.arange(n) * _PARTS // n for n in lengths])
         return [number == k for k in range(_PARTS)]
-    # By their size, so that the answer does not depend on the order or the names of the files.
+    # Each group has records of all sizes, whatever the order and the names of the files.
     size = dict.fromkeys(problem.records, 0.0)
     for b in problem.blocks:
         size[b.record] += float(np.sum(measured[b.span] ** 2))
-    group = np.random.default_rng(_SEED).permutation(count) % _GROUPS
-    of = dict(zip(sorted(size, key=lambda k: size[k]), group.tolist(), strict=True))
+    of = {record: rank % _GROUPS for rank, record in enumerate(sorted(size, key=lambda k: size[k]))}
     number = np.concatenate([np.full(n, of[b.record]) for n, b in zip(lengths, problem.blocks, strict=True)])
     return [number == k for k in range(_GROUPS)]
 
