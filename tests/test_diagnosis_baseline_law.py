@@ -184,6 +184,14 @@ def test_the_given_simulator_stands_first_in_the_answer() -> None:
     assert found.waterfall[0].gap == pytest.approx(found.gap.nominal, rel=0.02)
     assert "identified again on the baseline" in found.sentence
     assert found.to_dict()["baseline_law"]["law"] == found.corrected.law
+    # The loops' nominal row is the given simulator's too: half the distance of its levels on both strokes.
+    (stroke,) = [s for s in found.signatures if s.name == "median force of a stroke"]
+    sizes = []
+    for r in case.records:
+        forces = lines().simulate(DT, r.channels)["force_N"]
+        v = np.gradient(r.displacement, DT)
+        sizes.append(0.5 * (np.median(forces[v > 0]) - np.median(forces[v < 0])))
+    assert stroke.nominal == pytest.approx(float(np.median(sizes)), rel=0.05)
     shown = found.pictures["nominal"]
     assert len(shown) == len(found.pictures["measured"])
 

@@ -318,6 +318,9 @@ def test_a_gain_is_named_beside_a_law_that_is_not_the_rigs(tmp_path: Path) -> No
 def test_nothing_is_invented_where_only_the_law_is_wrong() -> None:
     found = answer(case())
     assert found.effects == ()
+    bars = {s.name: s.gap for s in found.waterfall}
+    assert bars["recalibrated"] == pytest.approx(found.gap.recalibrated)
+    assert bars["nominal"] == found.gap.nominal
     again = answer(Case("again", Path(), found.corrected, records(), ()))
     assert again.effects == ()
 

@@ -185,7 +185,6 @@ def test_a_softer_storey_is_found_in_closed_loop_and_most_of_the_gap_closes(tmp_
     assert "named it on 1 of 1" in (tmp_path / "index.html").read_text()
     (found,) = done.rows
     assert found.named == ("storey_stiffness@1",)
-    assert found.nominal > 0.03
     assert found.closed > 0.7
     assert None not in (found.retuned, found.randomised, found.blind, found.direct)
 

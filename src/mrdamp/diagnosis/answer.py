@@ -111,7 +111,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         effects=named_effects(search, chosen, final, causes, intervals, regimes_of) if named else (),
         candidates=tuple(Candidate(c, sets[c], _candidate_gap(search, fits, c)) for c in weighed),
         indistinguishable=ties,
-        where=found.where(chosen, verdict, shares, nearby, causes),
+        where=replace(found.where(chosen, verdict, causes), records=shares, regimes=nearby),
         gap=gap,
         waterfall=waterfall,
         next_experiment=test,

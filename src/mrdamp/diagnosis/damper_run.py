@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamp.diagnosis.attribution.interfaces import parts
-from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.case.audit import audit
@@ -119,14 +118,7 @@ class DamperSearched(Searched):
             self.search.looks_like, decision = None, replace(decision, outside=None)
         return fits, unexplained(decision, fits), None
 
-    def where(
-        self,
-        chosen: Fit,
-        verdict: str,
-        records: Mapping[str, float],
-        regimes: tuple[Regime, ...],
-        causes: Mapping[str, float],
-    ) -> Where:
+    def where(self, chosen: Fit, verdict: str, causes: Mapping[str, float]) -> Where:
         """See `Searched`. A regression on the variables of each stage takes the law for the rig's: on records that the
         simulator was identified on it named the stage of the documented cause in 2 of 26 unknown answers, the
         candidates' probabilities in 11."""
@@ -140,8 +132,6 @@ class DamperSearched(Searched):
             stages=in_sensor(stages) if sensor_unexplained(self.compared) else stages,
             intervals=intervals,
             measured=put_in.found,
-            records=records,
-            regimes=regimes,
         )
 
 

@@ -20,7 +20,6 @@ from mrdamp.diagnosis.attribution.frame_blocks import (
 )
 from mrdamp.diagnosis.attribution.frame_damper import damper_evidence, frame_baseline_law
 from mrdamp.diagnosis.attribution.frame_laws import OtherLaw, other_law
-from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
@@ -128,14 +127,7 @@ class FrameSearched(Searched):
             return fits, decision, None
         return (*judge(*given, other.others), other) if other.others else (fits, not_established(decision), other)
 
-    def where(
-        self,
-        chosen: Fit,
-        verdict: str,
-        records: Mapping[str, float],
-        regimes: tuple[Regime, ...],
-        causes: Mapping[str, float],
-    ) -> Where:
+    def where(self, chosen: Fit, verdict: str, causes: Mapping[str, float]) -> Where:
         """See `Searched`. With a wrong law the damper's block is always faulty."""
         search, found = self.search, self.blocks
         evidence = damper_evidence(self.measured, found) if verdict == "unknown" else None
@@ -143,7 +135,7 @@ class FrameSearched(Searched):
             found = tuple(b for b in found if b.kind != "damper")
         stages, intervals = shares_by_stage(search, chosen, verdict, found, evidence)
         places, ends = place_shares(self.blocks)
-        return Where(stages, records, regimes, places, intervals, place_intervals=ends)
+        return Where(stages, places=places, intervals=intervals, place_intervals=ends)
 
 
 def compared_without_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> tuple[Compared, ...]:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from mrdamp.diagnosis.attribution.frame_laws import OtherLaw
-from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
@@ -56,16 +55,8 @@ class Searched(ABC):
         needless."""
 
     @abstractmethod
-    def where(
-        self,
-        chosen: Fit,
-        verdict: str,
-        records: Mapping[str, float],
-        regimes: tuple[Regime, ...],
-        causes: Mapping[str, float],
-    ) -> Where:
-        """Where the gap lies, of a verdict and its fit. records, regimes: shares of the nominal gap. causes: stated
-        probabilities."""
+    def where(self, chosen: Fit, verdict: str, causes: Mapping[str, float]) -> Where:
+        """Where in the chain the gap lies, of a verdict and its fit. causes: stated probabilities."""
 
 
 @dataclass(frozen=True)
