@@ -26,6 +26,7 @@ from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.report.result import Diagnosis, Gap
 from mrdamp.diagnosis.run import diagnose
+from mrdamp.diagnosis.signatures.loops import compared
 from mrdamp.errors import InputError
 from mrdamp.identify import identify
 from mrdamp.identify.laws import DEPENDENCES, Scales
@@ -184,14 +185,12 @@ def test_the_given_simulator_stands_first_in_the_answer() -> None:
     assert found.waterfall[0].gap == pytest.approx(found.gap.nominal, rel=0.02)
     assert "identified again on the baseline" in found.sentence
     assert found.to_dict()["baseline_law"]["law"] == found.corrected.law
-    # The loops' nominal row is the given simulator's too: half the distance of its levels on both strokes.
-    (stroke,) = [s for s in found.signatures if s.name == "median force of a stroke"]
-    sizes = []
-    for r in case.records:
-        forces = lines().simulate(DT, r.channels)["force_N"]
-        v = np.gradient(r.displacement, DT)
-        sizes.append(0.5 * (np.median(forces[v > 0]) - np.median(forces[v < 0])))
-    assert stroke.nominal == pytest.approx(float(np.median(sizes)), rel=0.05)
+    # The loops' nominal row is the given simulator's too.
+    forces = [lines().simulate(DT, r.channels)["force_N"] for r in case.records]
+    kinds = dict.fromkeys(("measured", "nominal", "corrected"), forces)
+    expected = compared([r.displacement for r in case.records], kinds)
+    for own, other in zip(found.signatures, expected, strict=True):
+        assert own.nominal == pytest.approx(other.nominal, rel=0.02, abs=0.02)
     shown = found.pictures["nominal"]
     assert len(shown) == len(found.pictures["measured"])
 

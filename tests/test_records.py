@@ -89,6 +89,7 @@ def test_a_force_of_the_other_sign_is_refused() -> None:
     right, turned = (record.with_channels({"force_N": f}) for f in (force, -force))
     check_sign(right)
     assert not warnings_of([right])
+    check_sign(record.with_channels({"force_N": 3.0 * record.acceleration()}))  # a mass takes nothing and gives nothing
     watt = -200.0 * float(np.mean(record.velocity() ** 2))
     said = f"force_N: the damper would drive the rig .* {watt:.3g} W"
     refuses(lambda: check_sign(turned), said)
