@@ -80,6 +80,8 @@ class Frame(Structure):
     def models(self) -> tuple[Model, ...]:
         given = default_damper() if self.model is None else self.model
         model = Model.read(given) if isinstance(given, str | Path) else given
+        if isinstance(model, list | tuple) and not model:
+            raise InputError("model is empty: allowed are a Model, its file, or a list with one a damper")
         between = self.damper_between
         if between is None:
             own = self.structure or (model if isinstance(model, Model) else model[0]).structure

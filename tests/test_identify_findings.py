@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -193,3 +194,21 @@ def test_the_effects_that_the_records_pay_for_are_fitted_along(
     assert "fitted along: driver_lag (probability" in told
     assert Model.read(out).attributes["driver_lag_tau"] == pytest.approx(lag, rel=0.03)
     assert main(["identify", *files, "--law", "bouc_wen", "--extras", "auto", "--intervals", "-o", str(out)]) == 2
+
+
+def test_noise_of_the_displacement_in_a_prediction_is_that_of_central_differences(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A dashpot c turns noise s of positions dt apart into c s / (sqrt(2) dt)."""
+    dt, c, s = 1e-4, 2000.0, 5e-6
+    t = dt * np.arange(20001)
+    x = 0.01 * np.sin(2 * np.pi * 2 * t) + s * np.random.default_rng(1).standard_normal(len(t))
+    dashpot = {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
+    Model("bingham", dashpot).write(tmp_path / "model.json")
+    table = np.column_stack([t, x, 0 * t])
+    np.savetxt(tmp_path / "record.csv", table, delimiter=",", header="time_s,displacement_m,command", comments="")
+    main(["predict", str(tmp_path / "model.json"), str(tmp_path / "record.csv"), "-o", str(tmp_path / "p.csv")])
+    found = re.search(r"displacement, ([\d.]+) um, are ([\d.e+]+) N", capsys.readouterr().err)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(1e6 * s, rel=0.1)
+    assert float(found[2]) == pytest.approx(c * s / (np.sqrt(2) * dt), rel=0.1)

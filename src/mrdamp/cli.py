@@ -180,7 +180,7 @@ def _predict(a: argparse.Namespace) -> int:
     from mrdamp.model import Model
     from mrdamp.records import read_record
     from mrdamp.records.checks import warnings_of
-    from mrdamp.simulation.predict import INPUTS, clamped, write_prediction
+    from mrdamp.simulation.predict import INPUTS, clamped, noisy_motion, write_prediction
 
     model = Model.read(a.model)
     record = read_record(a.record, required=INPUTS[model.rig])
@@ -189,8 +189,10 @@ def _predict(a: argparse.Namespace) -> int:
         if name != "time_s" and name in record.channels:
             found = error_of(record, name, columns[name])
             print(f"{name}: RMS error {found.rmse:.4g}, {found.nrmse:.3f} of its standard deviation")
-    beyond = clamped(model, record)
-    for check in [*([f"{a.record}: {beyond}"] if beyond else []), *warnings_of([record])]:
+    said = [clamped(model, record)]
+    if model.rig == "damper":
+        said.append(noisy_motion(model, record, columns["force_N"]))
+    for check in [*(f"{a.record}: {line}" for line in said if line), *warnings_of([record])]:
         print(f"check: {check}", file=sys.stderr)
     return 0
 

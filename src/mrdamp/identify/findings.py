@@ -11,8 +11,7 @@ from mrdamp.identify.fit import Fit, simulate
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
-from mrdamp.records.motion import noise
-from mrdamp.simulation.predict import BEYOND, clamped
+from mrdamp.simulation.predict import BEYOND, carried_noise, clamped
 
 #: Share of its range next to an end within which a coordinate has reached it.
 _AT_LIMIT = 1e-3
@@ -24,6 +23,8 @@ _FASTER = 1.25
 #: s, lags that are tried; shares of a fitted lag that are tried as a delay.
 _LAGS = 0.003, 0.01, 0.03, 0.1
 _SPLITS = 0.2, 0.35, 0.5, 0.7
+#: Share of half the sampling rate from which a low-pass takes off little.
+_BELOW_NYQUIST = 0.8
 
 
 def findings(fit: Fit, train: Sequence[Record], held_out: Sequence[Record]) -> list[str]:
@@ -133,23 +134,20 @@ def _lag(fit: Fit, train: Sequence[Record]) -> list[str]:
 
 def _motion(fit: Fit, train: Sequence[Record], left: float) -> list[str]:
     """Noise or steps of the displacement, as far as the law turns them into force."""
-    rng = np.random.default_rng(0)
-    squares, levels = [], []
-    for record in train:
-        level = noise(np.asarray(record.displacement))
-        disturbed = record.displacement + level * rng.standard_normal(record.n)
-        if not level > 0:
-            return []
-        again = simulate(fit.model, record.with_channels({"displacement_m": disturbed}))
-        squares.append(float(np.mean((again - simulate(fit.model, record)) ** 2)))
-        levels.append(level)
-    carried = float(np.sqrt(np.median(squares)))  # noise may change how a record is led into
-    if carried < _WORTH_NOISE * left:
+    found = [carried_noise(fit.model, record) for record in train]
+    level, carried = np.median(found, axis=0)  # noise may change how a record is led into
+    if not level > 0 or carried < _WORTH_NOISE * left:
         return []
+    cutoff = _cutoff(train)
+    advice = f"; compare with --cutoff {cutoff:.2g}" if cutoff < _BELOW_NYQUIST * _nyquist(train) else ""
     return [
-        f"noise or steps of the displacement, {1e6 * np.median(levels):.2g} um, are {carried:.3g} N of the simulated"
-        f" force (error {left:.3g} N): parameters may be biased by it; compare with --cutoff {_cutoff(train):.2g}"
+        f"noise or steps of the displacement, {1e6 * level:.2g} um, are {carried:.3g} N of the simulated force (error"
+        f" {left:.3g} N): parameters may be biased by it{advice}"
     ]
+
+
+def _nyquist(train: Sequence[Record]) -> float:
+    return min(0.5 / record.sample_time for record in train)
 
 
 def _cutoff(train: Sequence[Record]) -> float:

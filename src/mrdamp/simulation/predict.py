@@ -27,6 +27,7 @@ from mrdamp.records.log_filter import (
     rings_before_jumps,
     without_waves,
 )
+from mrdamp.records.motion import noise
 from mrdamp.records.smoothing import smoothed
 from mrdamp.records.upsampling import FineInputs, repaired_ends, upsampled
 
@@ -34,6 +35,8 @@ from mrdamp.records.upsampling import FineInputs, repaired_ends, upsampled
 _STEP = 5e-4
 #: Share of the largest command by which it must go beyond a model's commands to be outside of them.
 BEYOND = 0.02
+#: Share of the predicted force's standard deviation from which the displacement's noise in it is told.
+WORTH_NOISE = 0.05
 #: The inputs of each rig: inputs that `predict` reads of a record; it reads nothing else.
 INPUTS = {
     "damper": ("time_s", "displacement_m", "command"),
@@ -131,6 +134,29 @@ def motion(record: Record) -> tuple[Array, Array]:
     """Displacement (n,) m and velocity (n,) m/s that a damper is predicted with, at the samples of its record."""
     x = repaired_ends(np.asarray(record.displacement))
     return x, upsampled(x, np.asarray(record.command), record.sample_time, 1).v
+
+
+def carried_noise(model: Model, record: Record) -> tuple[float, float]:
+    """White noise of a record's displacement (standard deviation, m) and what more of it, as large, does to the
+    predicted force (RMS, N)."""
+    level = noise(np.asarray(record.displacement))
+    if not level > 0:
+        return 0.0, 0.0
+    drawn = level * np.random.default_rng(0).standard_normal(record.n)
+    disturbed = record.with_channels({"displacement_m": record.displacement + drawn})
+    with_noise, without = (free_run(model, r)["force_N"] for r in (disturbed, record))
+    return level, float(np.sqrt(np.mean((with_noise - without) ** 2)))
+
+
+def noisy_motion(model: Model, record: Record, force: Array) -> str:
+    """How far noise of a record's displacement is in the predicted force (n,) N; empty below WORTH_NOISE of it."""
+    level, carried = carried_noise(model, record)
+    if carried < WORTH_NOISE * float(np.std(force)):
+        return ""
+    return (
+        f"noise or steps of its displacement, {1e6 * level:.2g} um, are {carried:.3g} N of the predicted force: give a"
+        " smoother displacement or fewer samples a second"
+    )
 
 
 def write_prediction(model: Model, record: Record | Path | str, path: Path | str) -> dict[str, Array]:
