@@ -15,9 +15,9 @@ namespace mrdamp {
 
 namespace {
 
-// Layout of plugin_state: a flag (0: not started), time, length, velocity and command of the last step's start, velocity
-// at its end, the chain's state at the start, then the delay line and the network's past where the attributes ask for them.
-constexpr int kSnapshot = 6;
+// Layout of plugin_state: the last step's start, then the delay line and the network's past where the attributes ask for
+// them.
+constexpr int kStartSize = sizeof(StepStart) / sizeof(double);
 constexpr int kLineSize = sizeof(DelayLine) / sizeof(double);
 constexpr int kPastSize = sizeof(NarxHistory) / sizeof(double);
 
@@ -34,7 +34,7 @@ bool HasPast(const mjModel* m, int instance) {
 }
 
 int StateSize(const mjModel* m, int instance) {
-  return kSnapshot + kChainSize + (HasLine(m, instance) ? kLineSize : 0) + (HasPast(m, instance) ? kPastSize : 0);
+  return kStartSize + (HasLine(m, instance) ? kLineSize : 0) + (HasPast(m, instance) ? kPastSize : 0);
 }
 
 bool IsDamper(const mjModel* m, int instance) {
@@ -73,13 +73,13 @@ bool DamperInstance::Parse(const mjModel* m, std::string* error) {
   };
   if (!ParseDamper(config, text, &damper_, &net_, error)) return false;
   damper_.hold = true;
-  mount_ = HasMount(damper_.p);
   return true;
 }
 
 std::unique_ptr<DamperInstance> DamperInstance::Make(const mjModel* m, int instance, std::string* error) {
   std::unique_ptr<DamperInstance> made(new DamperInstance);
   made->instance_ = instance;
+  made->at_.damper = &made->damper_;
   int count = 0;
   for (int i = 0; i < m->nactuator; i++) {
     if (m->actuator_plugin[i] != instance) continue;
@@ -132,12 +132,12 @@ std::unique_ptr<DamperInstance> DamperInstance::Make(const mjModel* m, int insta
   for (int i = 0; i < m->nactuator; i++) {
     if (m->actuator_plugin[i] < 0 || !IsDamper(m, m->actuator_plugin[i])) made->others_.push_back(i);
   }
-  if (HasLine(m, instance)) made->now_.line = &made->line_;
+  if (HasLine(m, instance)) made->at_.now.line = &made->line_;
   if (HasPast(m, instance)) {
-    made->now_.past = &made->past_;
-    made->trial_.past = &made->trial_past_;
+    made->at_.now.past = &made->past_;
+    made->at_.trial.past = &made->trial_past_;
   }
-  made->trial_.line = made->now_.line;
+  made->at_.trial.line = made->at_.now.line;
   return made;
 }
 
@@ -147,7 +147,7 @@ void DamperInstance::Refresh(const mjModel* m) {
   {
     std::string error;
     if (Parse(m, &error)) {
-      if ((damper_.law != Law::kNarx || now_.past) && (!HasDelay(damper_.p) || now_.line)) return;
+      if ((damper_.law != Law::kNarx || at_.now.past) && (!HasDelay(damper_.p) || at_.now.line)) return;
       error = "the state laid out at compile time has no room for this law or delay; compile the model again";
     }
     std::snprintf(line, sizeof line, "%s: %s", Describe(m, mjOBJ_ACTUATOR, "actuator", actuator_).c_str(), error.c_str());
@@ -156,84 +156,35 @@ void DamperInstance::Refresh(const mjModel* m) {
 }
 
 void DamperInstance::Watch(const mjData* d) {
-  if (!integrate_) x_ = d->actuator_length[output_];
-  v_ = Along(d, output_, d->qvel);
+  if (!integrate_) at_.x = d->actuator_length[output_];
+  at_.v = Along(d, output_, d->qvel);
 }
 
 void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   const double* s = d->plugin_state + m->plugin_stateadr[instance_];
   const int control = m->actuator_ctrladr[actuator_];
   const double delay = m->actuator_delay[actuator_];
-  double buffer = 0;
+  double buffer = 0, u = d->ctrl[control];
   Watch(d);
-  u_ = d->ctrl[control];
   if (delay > 0) {
     const mjtNum* late = mj_readCtrl(m, d, actuator_, d->time, &buffer, m->actuator_history[2 * actuator_ + 1]);
-    u_ = late ? *late : buffer;
+    u = late ? *late : buffer;
   }
   if (m->actuator_ctrllimited[control] && !(m->opt.disableflags & mjDSBL_CLAMPCTRL)) {
-    u_ = std::clamp(u_, m->actuator_ctrlrange[2 * control], m->actuator_ctrlrange[2 * control + 1]);
+    u = std::clamp(u, m->actuator_ctrlrange[2 * control], m->actuator_ctrlrange[2 * control + 1]);
   }
-  if (!std::isfinite(u_)) u_ = 0;
-  time_ = d->time;
-  double before = u_, lead = 0, rate = 0, dt = 0;
-  if (integrate_) x_ = s[0] == 0 ? 0 : s[2] + std::max(0.0, d->time - s[1]) * v_;
-  if (s[0] == 0) {
-    Start(damper_, &now_, x_, v_, 0);  // no current before the first command
-    if (now_.line) now_.line->Push(0, damper_.Clamp(u_), Reach(damper_.p));
-    Settle(damper_, &now_, x_, v_, u_);
-  } else {
-    Load(&now_.c, s + kSnapshot);
-    int at = kSnapshot + kChainSize;
-    if (now_.line) {
-      Load(now_.line, s + at);
-      at += kLineSize;
-    }
-    if (now_.past) Load(now_.past, s + at);
-    dt = d->time - s[1];
-    // A clock set by hand: one step on, rather than an hour of it.
-    if (dt > 4 * m->opt.timestep) dt = m->opt.timestep;
-    if (dt > 0) {
-      mrdamp::Advance(damper_, &now_, {s[2], s[3], x_, v_, dt}, s[4], s[4]);
-      // The engine's step has gone all the way at its last velocity; a motion that is imposed has not.
-      const double rise = v_ - s[3], off = std::max(std::fabs((x_ - s[2]) / dt - v_), std::fabs(v_ - s[5]));
-      if (off < 0.25 * std::fabs(rise)) lead = 0.5 * rise;
-      rate = lead / dt;
-      before = s[4];
-      if (now_.line) now_.line->Push(now_.c.time, damper_.Clamp(u_), Reach(damper_.p));
-      Settle(damper_, &now_, x_, v_, u_);
-    }
+  at_.u = std::isfinite(u) ? u : 0;
+  at_.time = d->time;
+  StepStart start;
+  Load(&start, s);
+  int at = kStartSize;
+  if (at_.now.line) {
+    Load(at_.now.line, s + at);
+    at += kLineSize;
   }
-  // The engine's velocities stand half a step before its positions, unless they are imposed; so do masses that ring with
-  // their changes.
-  sprung_ = now_.c.sprung;
-  if (lead != 0) Ring(damper_.p, &now_.c.sprung, 2 * rate, 0.5 * dt);
-  seen_ = Observe(damper_, now_, x_, v_ + lead, 0, u_);
-  ended_ = CurrentJumps(damper_) ? Observe(damper_, now_, x_, v_ + lead, 0, before, kBefore).force : seen_.force;
-  // So does the start of the step, before a jump of the command.
-  start_ = Observe(damper_, now_, x_, v_, 0, before, kBefore);
-  jump_ = RateJump(damper_, now_, x_, v_ + lead, before, u_, 0.5 * m->opt.timestep);
-}
-
-double DamperInstance::Trial(double v, double h) {
-  const State* s = &now_;
-  double x = x_;
-  if (h > 0) {
-    s = &trial_;
-    trial_.c = now_.c;
-    if (trial_.past) trial_past_ = past_;
-    x += h * v;
-    // At v all the way, as the engine moves the position: the law's end then belongs to v.
-    mrdamp::Advance(damper_, &trial_, {x_, v, x, v, h}, u_, u_);
-    trial_.c.sprung = now_.c.sprung;
-    Ring(damper_.p, &trial_.c.sprung, (v - v_) / h, h);
-  } else if (jump_ != 0) {
-    s = &trial_;
-    trial_.c = now_.c;
-    trial_.c.r += jump_;
-  }
-  const Observation o = Observe(damper_, *s, x, v, 0, u_);
-  return o.force;
+  if (at_.now.past) Load(at_.now.past, s + at);
+  if (integrate_) at_.x = start.started == 0 ? 0 : start.x + std::max(0.0, d->time - start.time) * at_.v;
+  at_.CatchUp(start, m->opt.timestep);
 }
 
 double DamperInstance::Turning(const mjModel* m, const mjData* d) {
@@ -249,7 +200,7 @@ double DamperInstance::Turning(const mjModel* m, const mjData* d) {
   mj_comPos(m, a);
   mj_tendon(m, a);
   mj_transmission(m, a);
-  return (Along(a, output_, d->qvel) - v_) / kAhead;
+  return (Along(a, output_, d->qvel) - at_.v) / kAhead;
 }
 
 bool DamperInstance::Acts(const mjModel* m) const {
@@ -285,7 +236,7 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
     p->force_ = 0;
     if (!p->Acts(m)) continue;
     acting_.push_back(p);
-    p->force_ = explicit_step ? p->seen_.force : p->start_.force;
+    p->force_ = explicit_step ? p->at_.seen.force : p->at_.start.force;
     p->turn_ = p->Mass() * p->Turning(m, d);
     mass |= p->Mass() > 0;
   }
@@ -304,10 +255,10 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
     do {
       for (std::size_t k = 0; k < n; k++) {
         DamperInstance* p = acting_[k];
-        const Observation& now = explicit_step ? p->seen_ : p->start_;
+        const Observation& now = explicit_step ? p->at_.seen : p->at_.start;
         mobility_.Respond(m, d, p->output_, &p->response_);
-        step_[k] = {p->v_, p->v_ + h * p->response_.free, now.force, now.slope, p->Mass(), p->response_.bare,
-                    [p](double v, double part) { return p->Trial(v, part); }};
+        step_[k] = {p->at_.v, p->at_.v + h * p->response_.free, now.force, now.slope, p->Mass(), p->response_.bare,
+                    [p](double v, double part) { return p->at_.Trial(v, part); }};
       }
       for (std::size_t k = 0; k < n; k++) {
         for (std::size_t j = 0; j < n; j++) {
@@ -330,21 +281,16 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
 
 void DamperInstance::Advance(const mjModel* m, mjData* d) {
   double* s = d->plugin_state + m->plugin_stateadr[instance_];
+  StepStart start = at_.Stored(Along(d, output_, d->qvel));
   // Without actuation the engine does not ask for the force: the damper starts anew when it does.
-  s[0] = !(m->opt.disableflags & mjDSBL_ACTUATION);
-  s[1] = time_;
-  s[2] = x_;
-  s[3] = v_;
-  s[4] = u_;
-  s[5] = Along(d, output_, d->qvel);
-  now_.c.sprung = sprung_;
-  std::memcpy(s + kSnapshot, &now_.c, sizeof(ChainState));
-  int at = kSnapshot + kChainSize;
-  if (now_.line) {
-    std::memcpy(s + at, now_.line, sizeof(DelayLine));
+  start.started = !(m->opt.disableflags & mjDSBL_ACTUATION);
+  std::memcpy(s, &start, sizeof start);
+  int at = kStartSize;
+  if (at_.now.line) {
+    std::memcpy(s + at, at_.now.line, sizeof(DelayLine));
     at += kLineSize;
   }
-  if (now_.past) std::memcpy(s + at, now_.past, sizeof(NarxHistory));
+  if (at_.now.past) std::memcpy(s + at, at_.now.past, sizeof(NarxHistory));
 }
 
 void DamperInstance::Register() {

@@ -8,9 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "core/chain.h"
+#include "core/stepping.h"
 #include "core/record.h"
-#include "effects/mechanics.h"
 #include "mujoco/mobility.h"
 #include "mujoco/step.h"
 
@@ -33,13 +32,13 @@ class DamperInstance {
   void Visualize(const mjModel* m, const mjData* d, mjvScene* scene) const;
 
   // Input of the force sensor; `a` is the acceleration along the actuator.
-  double Force(double a) const { return seen_.force + Mass() * a + turn_; }
+  double Force(double a) const { return at_.seen.force + Mass() * a + turn_; }
   // By what it changes as a jump of the command arrives now.
-  double Jump() const { return seen_.force - ended_; }
-  const Observation& seen() const { return seen_; }
+  double Jump() const { return at_.seen.force - at_.ended; }
+  const Observation& seen() const { return at_.seen; }
   const Damper& damper() const { return damper_; }
-  double length() const { return x_; }
-  double velocity() const { return v_; }
+  double length() const { return at_.x; }
+  double velocity() const { return at_.v; }
   int actuator() const { return actuator_; }
   // Force of this step, before the engine's limits.
   double exerted() const { return force_; }
@@ -56,11 +55,9 @@ class DamperInstance {
   bool Parse(const mjModel* m, std::string* error);
   // Brings the chain from its stored state to the motion in d.
   void CatchUp(const mjModel* m, const mjData* d);
-  // Force without the moving mass after `h` of the step at the velocity v; 0: the present state.
-  double Trial(double v, double h);
 
   int instance_ = 0, actuator_ = 0, output_ = 0;
-  bool mount_ = false, integrate_ = false;
+  bool integrate_ = false;
   Damper damper_;
   std::unique_ptr<NarxNet> net_;
   std::vector<char> attributes_;
@@ -68,14 +65,9 @@ class DamperInstance {
 
   std::vector<int> others_;  // actuators that are not dampers
 
-  double time_ = 0, x_ = 0, v_ = 0, u_ = 0;
-  State now_, trial_;
+  Stepping at_;
   NarxHistory past_, trial_past_;
   DelayLine line_;
-  Observation seen_{}, start_{};  // of the present state; of the step's start
-  SprungMasses sprung_;                     // as stored, before it is moved on to the present
-  double jump_ = 0;               // of an inner rate with the command
-  double ended_ = 0;              // N, before a jump of the command
   double force_ = 0;
   OutputResponse response_;
 
@@ -87,7 +79,7 @@ class DamperInstance {
   double turn_ = 0;  // N, the mass times the acceleration of the length at constant velocities
   std::unique_ptr<mjData, DeleteData> ahead_;
 
-  double Mass() const { return RodMass(damper_.p, mount_); }
+  double Mass() const { return at_.Mass(); }
   // m/s2, that acceleration: the change of the moment, by the positions a tenth of a microsecond ahead.
   double Turning(const mjModel* m, const mjData* d);
 

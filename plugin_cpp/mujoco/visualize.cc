@@ -55,7 +55,7 @@ void DamperInstance::Visualize(const mjModel* m, const mjData* d, mjvScene* scen
   const double scale = m->vis.map.force / std::max(m->stat.meanmass, mjMINVAL);
   if (scale <= 0 || scene->ngeom + 2 > scene->maxgeom || !Place(m, d, actuator_, from, direction)) return;
   float rgba[4];
-  Colour(damper_, seen_.current, rgba);
+  Colour(damper_, at_.seen.current, rgba);
   const double width = m->vis.scale.forcewidth * m->stat.meansize;
   const mjtNum ball[3] = {1.5 * width, 1.5 * width, 1.5 * width};
   mjvGeom* geom = scene->geoms + scene->ngeom++;

@@ -35,6 +35,7 @@ from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Rem
 from mrdamp.diagnosis.searched import Concluded, Searched
 from mrdamp.diagnosis.signatures.loops import Signature, compared
 from mrdamp.model import Model
+from mrdamp.model.attributes import attributes, defaults
 from mrdamp.model.core import Array
 from mrdamp.records.motion import share_of_stroke
 
@@ -78,7 +79,8 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
     model = handed.problem.rig.model(handed.fit.settings if verdict != "none" else {})
     fitted = nominal if verdict == "none" else residual
     gaps, off = _by_files({"nominal": (case.model, nominal), "corrected": (model, fitted)}, handed.problem)
-    notes = [*_notes(found, handed, worse), *off]
+    effects = named_effects(search, chosen, final, causes, intervals, regimes_of) if named else ()
+    notes = [*_notes(found, handed, worse), *_may_be_none(effects), *off]
     gap = Gap(
         nominal=gaps["nominal"],
         recalibrated=pooled(recalibrated),
@@ -108,7 +110,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         rig=case.model.rig,
         question=case.question,
         verdict=verdict,
-        effects=named_effects(search, chosen, final, causes, intervals, regimes_of) if named else (),
+        effects=effects,
         candidates=tuple(Candidate(c, sets[c], _candidate_gap(search, fits, c)) for c in weighed),
         indistinguishable=ties,
         where=replace(found.where(chosen, verdict, causes), records=shares, regimes=nearby),
@@ -208,6 +210,21 @@ def _notes(found: Searched, handed: FinalFit, worse: Mapping[str, Sequence[str]]
             " simulator was identified (mrdamp case --baseline) separate its own error from a change"
         )
     return notes
+
+
+def _may_be_none(effects: Sequence[Named]) -> list[str]:
+    """Notes on named effects of a damper whose intervals all contain the value without the effect."""
+    none = {row.name: value for row, value in zip(attributes(), defaults(), strict=True)}
+
+    def within(e: Named) -> bool:
+        ends = {f"{e.effect}_{short}": ends for short, ends in e.intervals.items()}
+        return bool(ends) and all(low <= none.get(name, np.nan) <= high for name, (low, high) in ends.items())
+
+    return [
+        f"the intervals of {e.effect} contain the value without it: the records show that it acts, not how much"
+        for e in effects
+        if within(e)
+    ]
 
 
 def _signatures(whole: Problem, errors: Mapping[str, Array]) -> tuple[Signature, ...]:
