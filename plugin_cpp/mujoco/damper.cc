@@ -158,6 +158,7 @@ void DamperInstance::Refresh(const mjModel* m) {
 void DamperInstance::Watch(const mjData* d) {
   if (!integrate_) at_.x = d->actuator_length[output_];
   at_.v = Along(d, output_, d->qvel);
+  at_.time = d->time;
 }
 
 void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
@@ -174,7 +175,6 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
     u = std::clamp(u, m->actuator_ctrlrange[2 * control], m->actuator_ctrlrange[2 * control + 1]);
   }
   at_.u = std::isfinite(u) ? u : 0;
-  at_.time = d->time;
   StepStart start;
   Load(&start, s);
   int at = kStartSize;

@@ -26,19 +26,15 @@ class DamperInstance {
 
   void Compute(const mjModel* m, mjData* d);
   void Advance(const mjModel* m, mjData* d);
-  // Reads length and velocity.
+  // Reads time, length and velocity.
   void Watch(const mjData* d);
   // Adds the force as an arrow, coloured by the current, to a scene.
   void Visualize(const mjModel* m, const mjData* d, mjvScene* scene) const;
 
   // Input of the force sensor; `a` is the acceleration along the actuator.
   double Force(double a) const { return at_.seen.force + Mass() * a + turn_; }
-  // By what it changes as a jump of the command arrives now.
-  double Jump() const { return at_.seen.force - at_.ended; }
-  const Observation& seen() const { return at_.seen; }
+  const Stepping& at() const { return at_; }
   const Damper& damper() const { return damper_; }
-  double length() const { return at_.x; }
-  double velocity() const { return at_.v; }
   int actuator() const { return actuator_; }
   // Force of this step, before the engine's limits.
   double exerted() const { return force_; }

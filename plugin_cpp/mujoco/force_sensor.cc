@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "core/config.h"
-#include "core/random.h"
 #include "mujoco/plugin.h"
 
 namespace mrdamp {
@@ -34,7 +33,7 @@ bool ForceSensorInstance::Parse(const mjModel* m, std::string* error) {
   static_assert(std::size(kSignalNames) == kSignals);
   KeepAttributes(m, instance_, &attributes_);
   const char* signal = AttributeOf(m, instance_, "signal");
-  signal_ = kForce;
+  reading_.signal = kForce;
   if (signal && *signal) {
     const auto* found = std::find_if(std::begin(kSignalNames), std::end(kSignalNames),
                                      [&](const char* name) { return !std::strcmp(name, signal); });
@@ -43,7 +42,7 @@ bool ForceSensorInstance::Parse(const mjModel* m, std::string* error) {
       for (const char* name : kSignalNames) *error += std::string(" ") + name;
       return false;
     }
-    signal_ = static_cast<int>(found - kSignalNames);
+    reading_.signal = static_cast<int>(found - kSignalNames);
   }
   const auto number = [&](const char* name, const char* unit, double lo, double hi, double* value) {
     const char* text = AttributeOf(m, instance_, name);
@@ -72,16 +71,13 @@ bool ForceSensorInstance::Parse(const mjModel* m, std::string* error) {
     own_[i] = kUnset;
     if (!number(a.name, a.unit, a.min, a.max, &own_[i])) return false;
   }
-  sensitivity_ = values[0];
-  resolution_ = values[1];
-  range_ = values[2];
-  noise_ = values[3];
+  reading_ = {reading_.signal, values[0], values[1], values[2], values[3], 0};
   if (values[4] != std::floor(values[4])) {
     *error = "attribute 'seed' = '" + std::string(AttributeOf(m, instance_, "seed")) + "' is not a whole number";
     return false;
   }
-  seed_ = static_cast<std::uint64_t>(values[4]);
-  if (sensitivity_ == 0) {
+  reading_.key = Mix(static_cast<std::uint64_t>(values[4]) ^ Mix(static_cast<std::uint64_t>(sensor_) + 1));
+  if (reading_.sensitivity == 0) {
     *error = "attribute 'sensitivity' is 0; allowed: any other number (pC/N)";
     return false;
   }
@@ -131,7 +127,7 @@ void ForceSensorInstance::Refresh(const mjModel* m) {
 }
 
 // What stands on the sensor itself counts; else what the damper that it reads carries.
-SensorParams ForceSensorInstance::Reading(const Params& p) const {
+SensorParams ForceSensorInstance::Effects(const Params& p) const {
   SensorParams r = SensorParams::Of(p);
   double* const value[] = {&r.gain, &r.offset, &r.leakage, &r.lag, &r.lag2, &r.share, &r.leakage2, &r.ratio,
                            &r.settle, &r.settle_time};
@@ -142,71 +138,19 @@ SensorParams ForceSensorInstance::Reading(const Params& p) const {
   return r;
 }
 
-// Standard normal number of the step `count`: a function of seed, sensor and step alone, so that the same
-// trajectory has the same noise after reset, copy and restore.
-double ForceSensorInstance::Noise(double count) const {
-  const std::uint64_t key = Mix(seed_ ^ Mix(static_cast<std::uint64_t>(sensor_) + 1));
-  return Normal(key, static_cast<std::uint64_t>(count));
-}
-
 void ForceSensorInstance::Compute(const mjModel* m, mjData* d) {
   Refresh(m);
   DamperInstance* damper = DamperOf(m, d, actuator_);
   const double acceleration = Along(d, m->actuator_outadr[actuator_], d->qacc);
   const bool acts = damper->Acts(m);
   if (!acts) damper->Watch(d);
-  const double own = acts ? damper->Force(acceleration) : 0, applied = acts ? damper->Applied(m, d) : 0;
-  const double force = applied == damper->exerted() ? own : applied;  // where a limit acts it is the limit
-  const double jump = acts && force == own ? damper->Jump() : 0;
-  const SensorParams reading = Reading(damper->damper().p);
-  Stored s;
-  std::memcpy(static_cast<void*>(&s), d->plugin_state + m->plugin_stateadr[instance_], sizeof s);
-  if (s.started == 0) {
-    s.sensor.Start(reading, force);
-    s.count = s.energy = 0;
-  } else {
-    double dt = d->time - s.time;
-    if (dt > 4 * m->opt.timestep) dt = m->opt.timestep;
-    if (dt > 0) {
-      s.sensor.Step(reading, force - jump, dt);
-      s.sensor.Step(reading, force, 0);
-      // Runge-Kutta's force is that of the state, the others' the mean over the step.
-      const double mean = m->opt.integrator == mjINT_RK4 ? 0.5 * (s.applied + applied) : s.applied;
-      s.energy += mean * 0.5 * (s.velocity + damper->velocity()) * dt;
-    }
-  }
-  s.started = 1;
-  s.time = d->time;
-  s.velocity = damper->velocity();
-  s.applied = applied;
-  next_ = s;
-  double value = 0;
-  switch (signal_) {
-    case kForce:
-    case kCharge:
-      value = s.sensor.Read(reading);
-      if (noise_ > 0) value += noise_ * Noise(s.count);
-      if (resolution_ > 0) value = resolution_ * std::nearbyint(value / resolution_);
-      if (range_ > 0) value = std::clamp(value, -range_, range_);
-      if (signal_ == kCharge) value *= sensitivity_;  // Eq. (3): F = Q / k
-      break;
-    case kTrueForce: value = force; break;
-    case kAppliedForce: value = applied; break;
-    case kUnlimitedForce: value = own; break;
-    case kPower: value = force * damper->velocity(); break;
-    case kEnergy: value = s.energy; break;
-    case kStroke: {
-      // channel_shift: the channel reads x(t - d), to second order.
-      const double shift = damper->damper().p.channel_shift_d;
-      value = damper->length() - shift * (damper->velocity() - 0.5 * shift * acceleration);
-      break;
-    }
-    case kStrokeVelocity: value = damper->velocity(); break;
-    case kCurrent: value = damper->seen().current; break;
-    case kField: value = damper->seen().field; break;
-    default: value = damper->seen().temperature;
-  }
-  d->sensordata[m->sensor_adr[sensor_]] = value;
+  const Exerted now{acts ? damper->Force(acceleration) : 0, acts ? damper->Applied(m, d) : 0, acceleration};
+  const bool limited = now.applied != damper->exerted() || !acts;
+  const SensorParams effects = Effects(damper->damper().p);
+  std::memcpy(static_cast<void*>(&next_), d->plugin_state + m->plugin_stateadr[instance_], sizeof next_);
+  // Runge-Kutta's force is that of the state, the others' the mean over the step.
+  Follow(effects, damper->at(), now, limited, m->opt.timestep, m->opt.integrator != mjINT_RK4, &next_);
+  d->sensordata[m->sensor_adr[sensor_]] = Value(reading_, effects, damper->at(), now, limited, next_);
 }
 
 void ForceSensorInstance::Advance(const mjModel* m, mjData* d) {
@@ -228,7 +172,7 @@ void ForceSensorInstance::Register() {
   plugin.needstage = mjSTAGE_ACC;
   plugin.nattribute = static_cast<int>(attributes.size());
   plugin.attributes = attributes.data();
-  plugin.nstate = [](const mjModel*, int) { return static_cast<int>(sizeof(Stored) / sizeof(double)); };
+  plugin.nstate = [](const mjModel*, int) { return static_cast<int>(sizeof(ReadingState) / sizeof(double)); };
   plugin.nsensordata = [](const mjModel*, int, int) { return 1; };
   SetLife<ForceSensorInstance>(&plugin);
   plugin.compute = [](const mjModel* m, mjData* d, int instance, int) { Data<ForceSensorInstance>(d, instance)->Compute(m, d); };

@@ -4,12 +4,11 @@
 
 #include <mujoco/mujoco.h>
 
-#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "effects/sensor.h"
+#include "core/reading.h"
 #include "mujoco/damper.h"
 
 namespace mrdamp {
@@ -25,29 +24,15 @@ class ForceSensorInstance {
   void Advance(const mjModel* m, mjData* d);
 
  private:
-  enum Signal {
-    kForce, kCharge, kTrueForce, kAppliedForce, kUnlimitedForce, kStroke, kStrokeVelocity, kPower, kEnergy, kCurrent, kField,
-    kTemperature, kSignals
-  };
-  struct Stored {  // plugin_state
-    double started, time, count;
-    double velocity, applied, energy;  // m/s and N at the last step; J
-    Sensor sensor;
-  };
-
   bool Parse(const mjModel* m, std::string* error);
   void Refresh(const mjModel* m);
-  SensorParams Reading(const Params& p) const;
-  double Noise(double count) const;
+  SensorParams Effects(const Params& p) const;
 
   int instance_ = 0, sensor_ = 0, actuator_ = 0;
-  int signal_ = kForce;
-  double sensitivity_ = -158.248;  // pC/N
-  double own_[10];                  // sensor_* given here rather than on the damper; NaN: not given
-  double resolution_ = 0, range_ = 0, noise_ = 0;
-  std::uint64_t seed_ = 0;
+  Reading reading_;
+  double own_[10];  // sensor_* given here rather than on the damper; NaN: not given
   std::vector<char> attributes_;
-  Stored next_{};
+  ReadingState next_{};
 };
 
 }  // namespace mrdamp

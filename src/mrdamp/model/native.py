@@ -134,6 +134,9 @@ def _entries() -> dict[str, tuple[Any, ...]]:
         # Called every control period: addresses, which are quicker to hand over than typed pointers.
         "rows_step": (None, address, whole, *(address,) * 5, whole, whole),
         "rows_step_each": (None, address, whole, *(address,) * 5, whole),
+        "worlds_sizes": (None, p(whole)),
+        "worlds_net": (address, address),
+        **dict.fromkeys(("worlds_act", "worlds_read"), (None, address, whole)),
     }  # fmt: skip
 
 

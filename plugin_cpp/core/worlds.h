@@ -1,0 +1,190 @@
+// Dampers in many copies of a model (worlds), a thread each: the data are MuJoCo Warp's, in float, on a CPU or a GPU.
+#ifndef MRDAMP_CORE_WORLDS_H_
+#define MRDAMP_CORE_WORLDS_H_
+
+#include "core/balance.h"
+#include "core/reading.h"
+
+namespace mrdamp {
+
+// Dampers of a model at most: their steps lie on a thread's stack.
+inline constexpr int kMostDampers = 8;
+// Sweeps over dampers that act on each other, and the share of the largest force at which they end.
+inline constexpr int kSweeps = 60;
+inline constexpr double kSettled = 1e-9;
+
+// Two starts of steps: the one before the present instant, and the present as the start of the next. An instant that is
+// computed again, as by a call of forward, begins from the former. Zeros to begin with.
+struct WorldDamper {
+  StepStart last, next;
+  double clock = 0;  // the world's time (s), as the engine has it in float
+  double force = 0;  // N, after the limits
+};
+// Optional parts of both, and a network's past in trials.
+struct WorldLine {
+  DelayLine last, next;
+};
+struct WorldPast {
+  NarxHistory last, next, trial;
+};
+
+// All arrays begin with the worlds, row-major. Dampers are numbered from 0; an actuator is a column of the engine's arrays.
+struct Worlds {
+  int worlds, dampers, actuators, controls, sensors, readings;
+  int sets;          // of parameters: 1, or one a world
+  double timestep;   // s
+  const int* law;            // dampers
+  const double* params;      // sets x dampers x attributes, in the order of Params
+  const NarxNet* const* net; // dampers; null without networks
+  const int* actuator;       // dampers
+  const int* control;        // dampers
+  const double* control_range;  // dampers x 2
+  const double* force_range;    // dampers x 2, N, of the actuator
+  WorldDamper* store;        // dampers
+  WorldLine* lines;          // dampers; null without a delay
+  WorldPast* pasts;          // dampers; null without networks
+  // The engine's.
+  const float* time;         // s
+  const float *length, *velocity;  // actuators; m, m/s
+  const float* ctrl;         // controls
+  float* force;              // actuators; N
+  // Accelerations of the dampers over the step: without any damper's force (dampers, m/s2), for unit forces (dampers x
+  // dampers, 1/kg), for a unit force on itself without the implicit damping of joints (dampers, 1/kg), in the end
+  // (dampers, m/s2).
+  const float *free, *weight, *bare, *acceleration;
+  // Sensors: the damper, what is read, its column; effects of the sensor (readings x SensorParams).
+  const int *reading_damper, *reading_column;
+  const Reading* reading;
+  const double* effects;
+  ReadingState* reading_store;  // readings
+  float* sensordata;            // sensors
+};
+
+namespace worlds {
+
+struct InStep {
+  double velocity, free, force, slope, mass, bare;
+  Stepping* at;
+  double trial(double v, double part) const { return at->Trial(v, part); }
+};
+
+inline void Fill(const Worlds& a, int world, int k, Damper* d) {
+#ifndef MRDAMP_PACK_LAW
+  d->law = static_cast<Law>(a.law[k]);
+#endif
+  const double* p = a.params + (static_cast<std::size_t>(a.sets > 1 ? world : 0) * a.dampers + k) * kParamCount;
+  for (int i = 0; i < kParamCount; i++) d->p.data()[i] = p[i];
+  d->net = a.net ? a.net[k] : nullptr;
+}
+
+// The present of a damper in its world, from what is stored.
+inline void Present(const Worlds& a, int world, int k, const Damper& d, Stepping* at) {
+  const std::size_t place = static_cast<std::size_t>(world) * a.dampers + k;
+  const std::size_t column = static_cast<std::size_t>(world) * a.actuators + a.actuator[k];
+  WorldDamper& own = a.store[place];
+  const double u = a.ctrl[static_cast<std::size_t>(world) * a.controls + a.control[k]], clock = a.time[world];
+  const bool on = own.next.started != 0 && clock > own.clock;
+  if (on) own.last = own.next;
+  if (clock < own.clock) own.last.started = 0;  // the world was reset
+  own.clock = clock;
+  at->damper = &d;
+  if (HasDelay(d.p) && a.lines) {
+    WorldLine& line = a.lines[place];
+    (on ? line.last : line.next) = on ? line.next : line.last;
+    at->now.line = at->trial.line = &line.next;
+  }
+  if (d.law == Law::kNarx) {
+    WorldPast& past = a.pasts[place];
+    (on ? past.last : past.next) = on ? past.next : past.last;
+    at->now.past = &past.next;
+    at->trial.past = &past.trial;
+  }
+  at->x = a.length[column];
+  at->v = a.velocity[column];
+  at->u = isfinite(u) ? min(max(u, a.control_range[2 * k]), a.control_range[2 * k + 1]) : 0;
+  // Steps are counted: a clock in float is too coarse after a minute.
+  at->time = own.last.started != 0 ? own.last.time + a.timestep : 0;
+  at->CatchUp(own.last, a.timestep);
+}
+
+}  // namespace worlds
+
+// Forces of a world's dampers over the step to come.
+inline void ActInWorld(const Worlds& a, int world) {
+  Damper damper[kMostDampers];
+  Stepping at[kMostDampers];
+  double force[kMostDampers];
+  worlds::InStep step[kMostDampers];
+  const int n = a.dampers;
+  const double h = a.timestep;
+  const float* free = a.free + static_cast<std::size_t>(world) * n;
+  const float* weight = a.weight + static_cast<std::size_t>(world) * n * n;
+  const float* bare = a.bare + static_cast<std::size_t>(world) * n;
+  for (int k = 0; k < n; k++) {
+    worlds::Fill(a, world, k, &damper[k]);
+    worlds::Present(a, world, k, damper[k], &at[k]);
+    const double own = weight[k * n + k];
+    force[k] = at[k].start.force;
+    step[k] = {at[k].v, at[k].v, force[k], at[k].start.slope, at[k].Mass(), own > 0 ? bare[k] / own : 1, &at[k]};
+  }
+  // Each is balanced with the motion that the others leave to it.
+  for (int sweep = 0; sweep < (n > 1 ? kSweeps : 1); sweep++) {
+    double moved = 0, size = 0;
+    for (int k = 0; k < n; k++) {
+      step[k].free = at[k].v + h * free[k];
+      for (int j = 0; j < n; j++) step[k].free -= j == k ? 0 : h * weight[k * n + j] * force[j];
+      const double found = SolveOne(h, step[k], weight[k * n + k]);
+      moved = max(moved, fabs(found - force[k]));
+      size = max(size, fabs(found));
+      force[k] = found;
+    }
+    if (!(moved > kSettled * size)) break;
+  }
+  for (int k = 0; k < n; k++) {
+    WorldDamper& own = a.store[static_cast<std::size_t>(world) * n + k];
+    own.force = -min(max(-force[k], a.force_range[2 * k]), a.force_range[2 * k + 1]);
+    a.force[static_cast<std::size_t>(world) * a.actuators + a.actuator[k]] = static_cast<float>(-own.force);
+    double end = free[k];
+    for (int j = 0; j < n; j++) end -= weight[k * n + j] * force[j];
+    own.next = at[k].Stored(at[k].v + h * end);
+  }
+}
+
+// Readings of a world's force sensors, once the accelerations of the step are known.
+inline void ReadWorld(const Worlds& a, int world) {
+  for (int k = 0; k < a.dampers; k++) {
+    Damper damper;
+    Stepping at;
+    bool filled = false;
+    WorldDamper& own = a.store[static_cast<std::size_t>(world) * a.dampers + k];
+    for (int r = 0; r < a.readings; r++) {
+      if (a.reading_damper[r] != k) continue;
+      if (!filled) {
+        worlds::Fill(a, world, k, &damper);
+        worlds::Present(a, world, k, damper, &at);
+        filled = true;
+      }
+      const double acceleration = a.acceleration[static_cast<std::size_t>(world) * a.dampers + k];
+      const double whole = at.seen.force + at.Mass() * acceleration;
+      const bool limited = own.force == -a.force_range[2 * k] || own.force == -a.force_range[2 * k + 1];
+      SensorParams effects = SensorParams::Of(damper.p);
+      double* value = reinterpret_cast<double*>(&effects);
+      for (std::size_t i = 0; i < sizeof effects / sizeof(double); i++) {
+        const double given = a.effects[r * (sizeof effects / sizeof(double)) + i];
+        if (!isnan(given)) value[i] = given;
+      }
+      ReadingState& s = a.reading_store[static_cast<std::size_t>(world) * a.readings + r];
+      if (at.time == 0) s.started = 0;
+      const double before = s.started != 0 && at.time > s.time ? 1 : 0;
+      const Exerted now{whole, own.force, acceleration};
+      Follow(effects, at, now, limited, a.timestep, true, &s);
+      s.count += before;
+      a.sensordata[static_cast<std::size_t>(world) * a.sensors + a.reading_column[r]] =
+          static_cast<float>(Value(a.reading[r], effects, at, now, limited, s));
+    }
+  }
+}
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_CORE_WORLDS_H_

@@ -1,0 +1,192 @@
+"""A MuJoCo model with damper plugins as one without, and what its dampers and their sensors are."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from mrdamp.errors import InputError
+from mrdamp.library import load_plugin
+from mrdamp.model.attributes import attributes, law_number, vector
+from mrdamp.model.core import Array, Narx
+
+DAMPER, SENSOR = "mrdamp.damper", "mrdamp.force_sensor"
+#: Signals of a force sensor by their numbers in `core/reading.h`.
+SIGNALS = (
+    "force", "charge", "true_force", "applied_force", "unlimited_force", "stroke", "stroke_velocity", "power", "energy",
+    "current", "field", "temperature",
+)  # fmt: skip
+#: Attributes of a force sensor behind its signal, in the plugin's order; then effects in that of `SensorParams`.
+_OPTIONS = {"sensitivity": -158.248, "resolution": 0.0, "range": 0.0, "noise": 0.0, "seed": 0.0}
+_EFFECTS = 10
+_JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+_LENGTHS = (*_JOINTS, mujoco.mjtTrn.mjTRN_TENDON, mujoco.mjtTrn.mjTRN_SITE, mujoco.mjtTrn.mjTRN_SLIDERCRANK)
+_INTEGRATORS = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+
+
+class Reading(ctypes.Structure):
+    """`Reading` of `core/reading.h`."""
+
+    _fields_ = (
+        ("signal", ctypes.c_int),
+        *((name, ctypes.c_double) for name in ("sensitivity", "resolution", "range", "noise")),
+        ("key", ctypes.c_uint64),
+    )
+
+
+@dataclass(frozen=True)
+class OneDamper:
+    """A damper of a model: actuator and control it is, law, attributes (attributes,), network."""
+
+    actuator: int
+    control: int
+    law: int
+    params: Array
+    net: Narx | None
+
+
+@dataclass(frozen=True)
+class OneReading:
+    """A force sensor: the damper that it reads, its first number in `sensordata`, effects (10,), NaN: the damper's."""
+
+    damper: int
+    column: int
+    reading: Reading
+    effects: Array
+
+
+@dataclass(frozen=True)
+class Converted:
+    """model: without damper plugins, for `mujoco_warp.put_model`."""
+
+    model: mujoco.MjModel
+    dampers: tuple[OneDamper, ...]
+    readings: tuple[OneReading, ...]
+
+
+def convert(source: mujoco.MjSpec | Path | str) -> Converted:
+    """Of a specification, an MJCF file or its text. Raises InputError for what Warp or the dampers do not take there."""
+    load_plugin()
+    spec = _spec(source)
+    given = spec.compile()
+    dampers = {k: _damper(given, k) for k in range(given.nactuator) if _kind(given, given.actuator_plugin[k]) == DAMPER}
+    if not dampers:
+        raise InputError(f"{spec.modelname}: no actuator is a {DAMPER}")
+    _check(given, list(dampers))
+    numbers = {actuator: number for number, actuator in enumerate(dampers)}
+    readings = [
+        _reading(given, s, numbers)
+        for s in range(given.nsensor)
+        if _kind(given, given.sensor_plugin[s]) == SENSOR
+    ]
+    return Converted(_without(spec), tuple(dampers.values()), tuple(readings))
+
+
+def _spec(source: mujoco.MjSpec | Path | str) -> mujoco.MjSpec:
+    if isinstance(source, mujoco.MjSpec):
+        return source.copy()
+    if isinstance(source, str) and source.lstrip().startswith("<"):
+        return mujoco.MjSpec.from_string(source)
+    if not Path(source).is_file():
+        raise InputError(f"{source}: no such file")
+    return mujoco.MjSpec.from_file(str(source))
+
+
+def _kind(m: mujoco.MjModel, instance: int) -> str:
+    """Which of the two plugins an instance is, by the number of its attributes; empty: none of them."""
+    count = len(_values(m, instance)) if instance >= 0 else 0
+    return {len(attributes()) + 2: DAMPER, 1 + len(_OPTIONS) + _EFFECTS: SENSOR}.get(count, "")
+
+
+def _values(m: mujoco.MjModel, instance: int) -> list[str]:
+    """Attributes of a plugin instance in the plugin's order; empty where not given."""
+    ends = [*m.plugin_attradr, m.npluginattr]
+    end = min((e for e in ends if e > m.plugin_attradr[instance]), default=m.npluginattr)
+    raw = bytes(m.plugin_attr[m.plugin_attradr[instance] : end].view(np.uint8))
+    return raw.decode().split("\0")[:-1]
+
+
+def _damper(m: mujoco.MjModel, actuator: int) -> OneDamper:
+    law, weights, *values = _values(m, m.actuator_plugin[actuator])
+    given = {row.name: float(v) for row, v in zip(attributes(), values, strict=True) if v}
+    net = None
+    if weights:
+        asset = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_TEXT, weights)
+        at = m.text_adr[asset] if asset >= 0 else 0
+        net = Narx(bytes(m.text_data[at : at + m.text_size[asset] - 1]).decode()) if asset >= 0 else Narx.read(Path(weights))
+    return OneDamper(actuator, int(m.actuator_ctrladr[actuator]), law_number(law), vector(law, given), net)
+
+
+def _reading(m: mujoco.MjModel, sensor: int, numbers: dict[int, int]) -> OneReading:
+    signal, *values = _values(m, m.sensor_plugin[sensor])
+    numeric = [float(v) if v else np.nan for v in values]
+    options = [d if np.isnan(v) else v for v, d in zip(numeric, _OPTIONS.values(), strict=False)]
+    key = _mix(int(options[4]) ^ _mix(sensor + 1))
+    reading = Reading(SIGNALS.index(signal or "force"), *options[:4], key)
+    column = int(m.sensor_adr[sensor])
+    return OneReading(numbers[int(m.sensor_objid[sensor])], column, reading, np.array(numeric[len(_OPTIONS) :]))
+
+
+def _mix(z: int) -> int:
+    """`Mix` of `core/random.h`."""
+    mask = (1 << 64) - 1
+    z = (z + 0x9E3779B97F4A7C15) & mask
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & mask
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & mask
+    return z ^ (z >> 31)
+
+
+def _check(m: mujoco.MjModel, dampers: list[int]) -> None:
+    integrator = mujoco.mjtIntegrator(m.opt.integrator)
+    if integrator not in _INTEGRATORS:
+        raise InputError(f"integrator {integrator.name}: dampers in Warp take Euler and implicitfast")
+    mass = {row.name: k for k, row in enumerate(attributes())}["moving_mass_m"]
+    for k in dampers:
+        name = m.actuator(k).name or str(k)
+        if _transmission(m, k) not in _LENGTHS or _along_site(m, k):
+            raise InputError(f"actuator '{name}': in Warp a damper acts on a joint, a tendon, two sites or a slider-crank")
+        if m.actuator_delay[k] > 0:
+            raise InputError(f"actuator '{name}': no delay of the engine's in Warp; use command_delay_d")
+        if _damper(m, k).params[mass] > 0 and not _straight(m, k):
+            raise InputError(f"actuator '{name}': a moving mass needs a joint or a tendon along joints in Warp")
+
+
+def _transmission(m: mujoco.MjModel, k: int) -> mujoco.mjtTrn:
+    return mujoco.mjtTrn(int(m.actuator_trntype[k]))
+
+
+def _along_site(m: mujoco.MjModel, k: int) -> bool:
+    return _transmission(m, k) == mujoco.mjtTrn.mjTRN_SITE and int(m.actuator_trnid[k, 1]) < 0
+
+
+def _straight(m: mujoco.MjModel, k: int) -> bool:
+    """True where the length is linear in the positions."""
+    if _transmission(m, k) == mujoco.mjtTrn.mjTRN_TENDON:
+        return int(m.wrap_type[m.tendon_adr[m.actuator_trnid[k, 0]]]) == int(mujoco.mjtWrap.mjWRAP_JOINT)
+    return _transmission(m, k) in _JOINTS
+
+
+def _without(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The model with a user actuator for each damper and a user sensor for each force sensor."""
+    for a in spec.actuators:
+        if a.plugin.active:
+            a.plugin.active = False
+            a.plugin.name = a.plugin.plugin_name = ""
+            a.biastype = mujoco.mjtBias.mjBIAS_USER
+            a.gainprm[0] = 0.0
+    for s in spec.sensors:
+        if s.type == mujoco.mjtSensor.mjSENS_PLUGIN:
+            s.plugin.active = False
+            s.type, s.dim = mujoco.mjtSensor.mjSENS_USER, 1
+            s.needstage, s.datatype = mujoco.mjtStage.mjSTAGE_ACC, mujoco.mjtDataType.mjDATATYPE_REAL
+    for p in list(spec.plugins):
+        spec.delete(p)
+    # Warp never resets a world by itself, which is what this flag asks for, and refuses the flag.
+    spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    return spec.compile()
+
+
