@@ -4,7 +4,7 @@ VENV ?= .venv
 PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
 bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check install -qq -c constraints.txt
-cpp := $(wildcard CMakeLists.txt plugin_cpp/mrdamp.h plugin_cpp/*/*.cc plugin_cpp/*/*.h plugin_cpp/*/*.def)
+cpp := $(wildcard CMakeLists.txt plugin_cpp/mrdamp.h plugin_cpp/*/*.cc plugin_cpp/*/*.h plugin_cpp/*/*.def plugin_cpp/device/*.cu plugin_cpp/device/std/*)
 cpp_tests := BIN=$(bin) tools/cpp_tests.sh
 fuzz_seconds ?= 60
 # Pictures without a display where EGL is there; else MuJoCo's own choice.
@@ -63,6 +63,7 @@ test: tools lint sanitize  ## C++ tests under sanitizers, ruff, mypy, pytest wit
 	@$(bin)/python -m pytest -n 2 -m "not slow"
 
 check-all: tools lint cpp-test sanitize tsan fuzz wheel-test docs  ## test, plain C++ tests, slow tests, mutants, thread sanitizer, fuzzing, wheel, docs
+	@$(pip) 'mrdamp[warp,cuda]'
 	@$(bin)/python -m pytest -n 2
 	@$(MAKE) --no-print-directory mutants
 

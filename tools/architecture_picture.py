@@ -32,7 +32,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "control": ("control", "inverse"),
     "identification": ("identify", "narx"),
     "reporting": ("report", "pictures"),
-    "simulation": ("simulation", "models_xml", "motions"),
+    "simulation": ("simulation", "models_xml", "motions", "warp"),
     "model": ("model", "sets", "structures"),
     "records": ("records", "datasets"),
     "shared": ("errors", "files", "interrupts", "outside", "parallel", "library", "registration", "shown"),

@@ -7,11 +7,15 @@
 namespace mrdamp {
 
 struct Params {
+#ifdef MRDAMP_FIELDS  // made for the attributes in use: the others are constants
+#include "core/fields.h"
+#else
 #define MRDAMP_ATTRIBUTE(name, group, unit, def, lo, hi, meaning) Real name = def;
 #ifdef MRDAMP_PLAIN  // packs without these effects: as constants they cost nothing
 #define MRDAMP_EFFECT(name, group, unit, def, lo, hi, meaning) static constexpr double name = def;
 #endif
 #include "core/attributes.def"
+#endif
 
   Real* data() { return reinterpret_cast<Real*>(this); }
   const Real* data() const { return reinterpret_cast<const Real*>(this); }

@@ -8,7 +8,11 @@
 namespace mrdamp {
 
 // Dampers of a model at most: their steps lie on a thread's stack.
+#ifdef MRDAMP_DAMPERS
+inline constexpr int kMostDampers = MRDAMP_DAMPERS;
+#else
 inline constexpr int kMostDampers = 8;
+#endif
 // Sweeps over dampers that act on each other, and the share of the largest force at which they end.
 inline constexpr int kSweeps = 60;
 inline constexpr double kSettled = 1e-9;

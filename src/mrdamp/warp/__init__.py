@@ -8,6 +8,25 @@ MuJoCo Warp takes no plugins. A damper becomes an actuator whose force is that o
 user sensor. Needs the extra `warp` and, on a GPU, `cuda`.
 """
 
-from mrdamp.warp.dampers import Dampers, put_model
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from mrdamp.errors import InputError
+
+if TYPE_CHECKING:
+    from mrdamp.warp.dampers import Dampers, put_model
 
 __all__ = ["Dampers", "put_model"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__} has no attribute {name!r}")
+    try:
+        from mrdamp.warp import dampers
+    except ModuleNotFoundError as error:
+        if error.name not in ("warp", "mujoco_warp"):
+            raise
+        raise InputError("dampers in MuJoCo Warp need the extra `warp`: pip install 'mrdamp[warp]'") from None
+    return getattr(dampers, name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from mrdamp.errors import InputError
 from mrdamp.library import load_plugin
 from mrdamp.model.attributes import attributes, law_number, vector
 from mrdamp.model.core import Array, Narx
+from mrdamp.warp.native import Reading
 
 DAMPER, SENSOR = "mrdamp.damper", "mrdamp.force_sensor"
 #: Signals of a force sensor by their numbers in `core/reading.h`.
@@ -26,16 +26,6 @@ _EFFECTS = 10
 _JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _LENGTHS = (*_JOINTS, mujoco.mjtTrn.mjTRN_TENDON, mujoco.mjtTrn.mjTRN_SITE, mujoco.mjtTrn.mjTRN_SLIDERCRANK)
 _INTEGRATORS = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
-
-
-class Reading(ctypes.Structure):
-    """`Reading` of `core/reading.h`."""
-
-    _fields_ = (
-        ("signal", ctypes.c_int),
-        *((name, ctypes.c_double) for name in ("sensitivity", "resolution", "range", "noise")),
-        ("key", ctypes.c_uint64),
-    )
 
 
 @dataclass(frozen=True)
@@ -69,7 +59,7 @@ class Converted:
 
 
 def convert(source: mujoco.MjSpec | Path | str) -> Converted:
-    """Of a specification, an MJCF file or its text. Raises InputError for what Warp or the dampers do not take there."""
+    """Of a specification, an MJCF file or its text. Raises InputError for what dampers in Warp do not take."""
     load_plugin()
     spec = _spec(source)
     given = spec.compile()
@@ -113,12 +103,16 @@ def _values(m: mujoco.MjModel, instance: int) -> list[str]:
 def _damper(m: mujoco.MjModel, actuator: int) -> OneDamper:
     law, weights, *values = _values(m, m.actuator_plugin[actuator])
     given = {row.name: float(v) for row, v in zip(attributes(), values, strict=True) if v}
-    net = None
-    if weights:
-        asset = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_TEXT, weights)
-        at = m.text_adr[asset] if asset >= 0 else 0
-        net = Narx(bytes(m.text_data[at : at + m.text_size[asset] - 1]).decode()) if asset >= 0 else Narx.read(Path(weights))
+    net = _network(m, weights) if weights else None
     return OneDamper(actuator, int(m.actuator_ctrladr[actuator]), law_number(law), vector(law, given), net)
+
+
+def _network(m: mujoco.MjModel, weights: str) -> Narx:
+    asset = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_TEXT, weights)
+    if asset < 0:
+        return Narx.read(Path(weights))
+    begin = m.text_adr[asset]
+    return Narx(bytes(m.text_data[begin : begin + m.text_size[asset] - 1]).decode())
 
 
 def _reading(m: mujoco.MjModel, sensor: int, numbers: dict[int, int]) -> OneReading:
@@ -148,7 +142,7 @@ def _check(m: mujoco.MjModel, dampers: list[int]) -> None:
     for k in dampers:
         name = m.actuator(k).name or str(k)
         if _transmission(m, k) not in _LENGTHS or _along_site(m, k):
-            raise InputError(f"actuator '{name}': in Warp a damper acts on a joint, a tendon, two sites or a slider-crank")
+            raise InputError(f"actuator '{name}': dampers in Warp act on a joint, tendon, two sites or slider-crank")
         if m.actuator_delay[k] > 0:
             raise InputError(f"actuator '{name}': no delay of the engine's in Warp; use command_delay_d")
         if _damper(m, k).params[mass] > 0 and not _straight(m, k):

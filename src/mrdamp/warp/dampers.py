@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,87 +19,9 @@ from mrdamp.model.attributes import attribute_index, check
 from mrdamp.model.attributes import laws as law_names
 from mrdamp.model.core import Array
 from mrdamp.model.native import library
-from mrdamp.warp.convert import Converted, Reading, convert
-
-_Arrays = wp.array2d[float]
-
-
-@wp.kernel
-def _forces_on_joints(
-    passive: _Arrays, bias: _Arrays, applied: _Arrays, constraint: _Arrays, rownnz: wp.array2d[int],
-    rowadr: wp.array2d[int], colind: wp.array2d[int], moment: _Arrays, force: _Arrays, out: _Arrays,
-):  # fmt: skip
-    """Generalised forces without the dampers', whose actuator forces are 0 so far. Constraints: those of the last step."""
-    world = wp.tid()
-    for i in range(out.shape[1]):
-        out[world, i] = passive[world, i] - bias[world, i] + applied[world, i] + constraint[world, i]
-    for a in range(force.shape[1]):
-        for k in range(rownnz[world, a]):
-            at = rowadr[world, a] + k
-            out[world, colind[world, at]] += moment[world, at] * force[world, a]
-
-
-@wp.kernel
-def _moment_of(
-    actuator: int, rownnz: wp.array2d[int], rowadr: wp.array2d[int], colind: wp.array2d[int], moment: _Arrays, out: _Arrays
-):
-    """The moment of an actuator as a vector (worlds, joints)."""
-    world = wp.tid()
-    for i in range(out.shape[1]):
-        out[world, i] = 0.0
-    for k in range(rownnz[world, actuator]):
-        at = rowadr[world, actuator] + k
-        out[world, colind[world, at]] = moment[world, at]
-
-
-@wp.kernel
-def _along(
-    actuator: wp.array[int], rownnz: wp.array2d[int], rowadr: wp.array2d[int], colind: wp.array2d[int], moment: _Arrays,
-    x: _Arrays, first: int, step: int, out: _Arrays,
-):  # fmt: skip
-    """Products of the dampers' moments with a vector x (worlds, joints), to the columns first, first + step ..."""
-    world, k = wp.tid()
-    total = float(0.0)
-    for i in range(rownnz[world, actuator[k]]):
-        at = rowadr[world, actuator[k]] + i
-        total += moment[world, at] * x[world, colind[world, at]]
-    out[world, first + step * k] = total
-
-
-@wp.kernel
-def _add_damping(
-    rownnz: wp.array[int], rowadr: wp.array[int], damping: _Arrays, timestep: float, out: _Arrays
-):
-    """The step times the joints' damping, on the diagonal of the mass matrix."""
-    world, i = wp.tid()
-    out[world, rowadr[i] + rownnz[i] - 1] += timestep * damping[world % damping.shape[0], i]
-
-
-class _Worlds(ctypes.Structure):
-    """`Worlds` of `core/worlds.h`."""
-
-    _fields_ = (
-        *((n, ctypes.c_int) for n in ("worlds", "dampers", "actuators", "controls", "sensors", "readings", "sets")),
-        ("timestep", ctypes.c_double),
-        *(
-            (name, ctypes.c_void_p)
-            for name in (
-                "law", "params", "net", "actuator", "control", "control_range", "force_range", "store", "lines", "pasts",
-                "time", "length", "velocity", "ctrl", "force", "free", "weight", "bare", "acceleration", "reading_damper",
-                "reading_column", "reading", "effects", "reading_store", "sensordata",
-            )
-        ),
-    )  # fmt: skip
-
-
-#: Bytes of what `core/worlds.h` stores, in the order of `mrdamp_worlds_sizes`.
-_SIZES = ("Worlds", "WorldDamper", "WorldLine", "WorldPast", "Reading", "ReadingState", "SensorParams", "most")
-
-
-def _sizes() -> dict[str, int]:
-    out = (ctypes.c_int * len(_SIZES))()
-    library().mrdamp_worlds_sizes(out)
-    return dict(zip(_SIZES, out, strict=True))
+from mrdamp.warp.convert import Converted, convert
+from mrdamp.warp.kernels import add_damping, along, forces_on_joints, moment_of
+from mrdamp.warp.native import Reading, Worlds, free_attributes, sizes
 
 
 @dataclass
@@ -107,12 +29,13 @@ class _State:
     """What dampers need of one `Data`: their stores, scratch arrays, and the structure that the chain takes."""
 
     arrays: dict[str, wp.array]
-    worlds: _Worlds
+    worlds: Worlds
     forces: wp.array
     solved: wp.array
     column: wp.array
     mass: wp.array | None
     params: Array = field(repr=False)
+    kernels: Any = None  # on a GPU
 
 
 @dataclass(eq=False)
@@ -143,20 +66,27 @@ class Dampers:
             data.mrdamp = self._state(data)
         return data
 
-    def set(self, data: mujoco_warp.Data, damper: int | str = 0, **values: float | Sequence[float] | Array) -> None:
-        """Attributes of a damper: a number, or one for each world (worlds,), as for randomised dampers. Raises InputError.
+    def set(
+        self, data: mujoco_warp.Data, values: Mapping[str, float | Sequence[float] | Array], damper: int | str = 0
+    ) -> None:
+        """Attributes of a damper: a number, or one for each world (worlds,), as for randomised dampers.
 
-        A delay or a network that the model was not made with cannot be switched on.
+        Raises InputError. A delay or a network that the model was not made with cannot be switched on.
         """
+        if damper not in (*self.names, *range(len(self.names))):
+            raise InputError(f"damper is {damper!r}; allowed: {', '.join(self.names)}")
         k = self.names.index(damper) if isinstance(damper, str) else damper
         state, one = data.mrdamp, self.converted.dampers[k]
         params = np.broadcast_to(state.params, (data.nworld, *state.params.shape[1:])).copy()
         for name, value in values.items():
             if name not in attribute_index():
                 raise InputError(f"attribute '{name}' is unknown")
-            params[:, k, attribute_index()[name]] = value
+            numbers = np.asarray(value, dtype=float)
+            if numbers.shape not in ((), (data.nworld,)):
+                raise InputError(f"{name} has shape {numbers.shape}; allowed: a number, or ({data.nworld},)")
+            params[:, k, attribute_index()[name]] = numbers
         for row in np.unique(params[:, k], axis=0):
-            check(law_names()[one.law], row)
+            check(one.law, row)
             _room(row, state.arrays["lines"] is not None)
         self._params(state, params)
 
@@ -168,19 +98,26 @@ class Dampers:
                 array.zero_()
 
     def _params(self, state: _State, params: Array) -> None:
-        state.params = params
-        state.arrays["params"] = wp.array(self._taken(params), dtype=wp.float64, device=self.device)
+        state.params, taken = params, params
+        if self.device.is_cuda:
+            from mrdamp.warp.cuda import kernels
+
+            free = free_attributes(params)
+            law = "".join(word.capitalize() for word in law_names()[self.converted.dampers[0].law].split("_"))
+            state.kernels = kernels(self.device, law, free, len(self.converted.dampers))
+            taken = params[..., list(free)]
+        kept = state.arrays.get("params")
+        if kept is not None and kept.shape == taken.shape:
+            kept.assign(taken)  # at the address that a captured graph has
+            return
+        state.arrays["params"] = wp.array(taken, dtype=wp.float64, device=self.device)
         state.worlds.params = state.arrays["params"].ptr
         state.worlds.sets = len(params)
 
-    def _taken(self, params: Array) -> Array:
-        """The attributes that the compiled chain takes."""
-        return params
-
     def _state(self, data: mujoco_warp.Data) -> _State:
-        converted, model, sizes = self.converted, self.model, _sizes()
+        converted, model, size = self.converted, self.model, sizes()
         dampers, readings, worlds = converted.dampers, converted.readings, data.nworld
-        if ctypes.sizeof(_Worlds) != sizes["Worlds"] or ctypes.sizeof(Reading) != sizes["Reading"]:
+        if ctypes.sizeof(Worlds) != size["Worlds"] or ctypes.sizeof(Reading) != size["Reading"]:
             raise ImportError("mrdamp: library and package are of different versions; install again")
         n, index = len(dampers), attribute_index()
         delayed = any(d.params[index["command_delay_d"]] + d.params[index["command_delay_period"]] > 0 for d in dampers)
@@ -190,7 +127,7 @@ class Dampers:
             return wp.array(np.array(values, dtype=np.int32), dtype=wp.int32)
 
         def store(name: str, count: int, wanted: bool = True) -> wp.array | None:
-            return wp.zeros(worlds * count * sizes[name], dtype=wp.uint8) if wanted and count else None
+            return wp.zeros(worlds * count * size[name], dtype=wp.uint8) if wanted and count else None
 
         def limits(ranges: npt.NDArray[Any], on: npt.NDArray[Any], which: Sequence[int]) -> wp.array:
             rows = [ranges[k] if on[k] else (-np.inf, np.inf) for k in which]
@@ -198,13 +135,13 @@ class Dampers:
 
         clamp = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
         nets = [library().mrdamp_worlds_net(d.net.handle) if d.net is not None else 0 for d in dampers]
-        actuators = [d.actuator for d in dampers]
+        actuators, controls = [d.actuator for d in dampers], [d.control for d in dampers]
         arrays: dict[str, wp.array | None] = {
             "law": whole([d.law for d in dampers]),
             "net": wp.array(np.array(nets, dtype=np.uint64), dtype=wp.uint64) if networks else None,
             "actuator": whole(actuators),
-            "control": whole([d.control for d in dampers]),
-            "control_range": limits(model.actuator_ctrlrange, model.actuator_ctrllimited * clamp, [d.control for d in dampers]),
+            "control": whole(controls),
+            "control_range": limits(model.actuator_ctrlrange, model.actuator_ctrllimited * clamp, controls),
             "force_range": limits(model.actuator_forcerange, model.actuator_forcelimited, actuators),
             "store": store("WorldDamper", n),
             "lines": store("WorldLine", n, delayed),
@@ -218,18 +155,19 @@ class Dampers:
             "reading": wp.array(np.frombuffer(b"".join(bytes(r.reading) for r in readings), np.uint8), dtype=wp.uint8),
             "effects": wp.array(np.array([r.effects for r in readings]), dtype=wp.float64),
             "reading_store": store("ReadingState", len(readings)),
-        }  # fmt: skip
+        }
         engine = {
             "time": data.time, "length": data.actuator_length, "velocity": data.actuator_velocity, "ctrl": data.ctrl,
             "force": data.actuator_force, "sensordata": data.sensordata,
         }  # fmt: skip
         pointers = {name: a.ptr if a is not None else None for name, a in (*arrays.items(), *engine.items())}
-        structure = _Worlds(
+        structure = Worlds(
             worlds, n, model.nactuator, model.nu, model.nsensordata, len(readings), 1, model.opt.timestep, **pointers
         )
-        scratch = [wp.zeros((worlds, model.nv)) for _ in range(3)]
-        damped = bool(np.any(model.dof_damping)) and not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-        state = _State(arrays, structure, *scratch, wp.zeros_like(data.M) if damped else None, np.empty(0))
+        forces, solved, column = (wp.zeros((worlds, model.nv)) for _ in range(3))
+        explicit = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+        mass = wp.zeros_like(data.M) if np.any(model.dof_damping) and not explicit else None
+        state = _State(arrays, structure, forces, solved, column, mass, np.empty(0))
         self._params(state, np.array([[d.params for d in dampers]]))
         return state
 
@@ -240,14 +178,14 @@ class Dampers:
         state: _State = d.mrdamp
         moment = (d.moment_rownnz, d.moment_rowadr, d.moment_colind, d.actuator_moment)
         joints = (d.qfrc_passive, d.qfrc_bias, d.qfrc_applied, d.qfrc_constraint)
-        wp.launch(_forces_on_joints, d.nworld, [*joints, *moment, d.actuator_force], [state.forces])
+        wp.launch(forces_on_joints, d.nworld, [*joints, *moment, d.actuator_force], [state.forces])
         mujoco_warp.xfrc_accumulate(m, d, state.forces)
         mujoco_warp.factor_m(m, d)
         self._weights(m, d, state, moment, state.arrays["bare"])
         if state.mass is not None:
             wp.copy(state.mass, d.M)
             inputs = [m.M_rownnz, m.M_rowadr, m.dof_damping, self.model.opt.timestep]
-            wp.launch(_add_damping, (d.nworld, m.nv), inputs, [state.mass])
+            wp.launch(add_damping, (d.nworld, m.nv), inputs, [state.mass])
             bare, d.M = d.M, state.mass
             mujoco_warp.factor_m(m, d)
             self._weights(m, d, state, moment, state.arrays["weight"])
@@ -271,15 +209,18 @@ class Dampers:
         """Accelerations of all dampers for a unit force of each (worlds, dampers x dampers)."""
         n = len(self.converted.dampers)
         for k, damper in enumerate(self.converted.dampers):
-            wp.launch(_moment_of, d.nworld, [damper.actuator, *moment], [state.column])
+            wp.launch(moment_of, d.nworld, [damper.actuator, *moment], [state.column])
             mujoco_warp.solve_m(m, d, state.solved, state.column)
             self._project(d, state, moment, state.solved, k, n, out)
 
     def _project(self, d: Any, state: _State, moment: Any, x: wp.array, first: int, step: int, out: wp.array) -> None:
         dim = (d.nworld, len(self.converted.dampers))
-        wp.launch(_along, dim, [state.arrays["actuator"], *moment, x, first, step], [out])
+        wp.launch(along, dim, [state.arrays["actuator"], *moment, x, first, step], [out])
 
     def _run(self, what: str, state: _State) -> None:
+        if state.kernels is not None:
+            state.kernels.launch(what, state.worlds, state.worlds.worlds, wp.get_stream(self.device).cuda_stream)
+            return
         entry: Callable[..., None] = getattr(library(), f"mrdamp_worlds_{what}")
         entry(ctypes.byref(state.worlds), self.threads)
 
@@ -300,9 +241,11 @@ def put_model(
     Raises InputError for what Warp or a damper in it does not take.
     """
     converted = convert(source)
-    if len(converted.dampers) > _sizes()["most"]:
-        raise InputError(f"{len(converted.dampers)} dampers; in Warp a model has at most {_sizes()['most']}")
+    if len(converted.dampers) > sizes()["most"]:
+        raise InputError(f"{len(converted.dampers)} dampers; in Warp a model has at most {sizes()['most']}")
     chosen = wp.get_device(device)
+    if chosen.is_cuda and (len({d.law for d in converted.dampers}) > 1 or any(d.net for d in converted.dampers)):
+        raise InputError("on a GPU the dampers of a model have one law, and no network")
     dampers = Dampers(converted, chosen, threads)
     with wp.ScopedDevice(chosen):
         try:

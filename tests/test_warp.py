@@ -1,0 +1,126 @@
+"""Dampers in MuJoCo Warp, on its CPU device, against the plugin in MuJoCo: engine, precision and solver are others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from excitation import Array
+from mrdamp import models_xml
+from mrdamp.envs.frame_task import default_damper
+from mrdamp.envs.frame_xml import frame_models, frame_xml
+from mrdamp.structures import ShearFrame
+from mrdamp.warp.convert import convert
+from refusals import refuses
+
+FRAME = models_xml.path("frame3").read_text(encoding="utf-8")
+
+
+def kicked(m: mujoco.MjModel) -> Array:
+    """Velocities (nv,) to begin with."""
+    return np.asarray(0.05 * np.sin(1.0 + np.arange(m.nv)))
+
+
+def levels(m: mujoco.MjModel, dampers: list[int], k: int) -> Array:
+    """Controls (nu,) in the step k: a current for the dampers, and a ground motion or nothing for the rest."""
+    out: Array = np.where(np.arange(m.nu) == 0, 3.0 * np.sin(0.01 * k), 0.0)
+    out[dampers] = 1.0 + (k // 50 % 2)
+    return out
+
+
+def off(source: Any, steps: int, kick: bool = True, **values: Any) -> Array:
+    """RMS of the difference of the dampers' forces over their RMS, in Warp's second world and MuJoCo."""
+    pytest.importorskip("mujoco_warp", reason="the extra `warp` is not installed")
+    import mujoco_warp
+
+    from mrdamp.warp import put_model
+
+    spec = mujoco.MjSpec.from_string(source) if source.startswith("<") else mujoco.MjSpec.from_file(source)
+    for name, value in values.items():
+        for plugin in spec.plugins:
+            if plugin.plugin_name == "mrdamp.damper":
+                plugin.config = dict(plugin.config) | {name: repr(value)}
+    m = spec.compile()
+    d = mujoco.MjData(m)
+    model, dampers = put_model(source)
+    data = dampers.make_data(2)
+    for name, value in values.items():
+        dampers.set(data, {name: np.array([0.5 * value, value])})
+    controls = [one.control for one in dampers.converted.dampers]
+    columns = [one.actuator for one in dampers.converted.dampers]
+    if kick:
+        d.qvel[:] = kicked(m)
+        data.qvel.assign(np.tile(kicked(m), (2, 1)).astype(np.float32))
+    forces = np.empty((2, steps, len(columns)))
+    for k in range(steps):
+        d.ctrl[:] = levels(m, controls, k)
+        data.ctrl.assign(np.tile(d.ctrl, (2, 1)).astype(np.float32))
+        mujoco.mj_step(m, d)
+        mujoco_warp.step(model, data)
+        forces[:, k] = d.actuator_force[columns], data.actuator_force.numpy()[1, columns]
+    apart, own = forces[1] - forces[0], forces[0]
+    return np.asarray(np.sqrt(np.mean(apart**2, axis=0) / np.mean(own**2, axis=0)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["frame3", "cable", "quarter_car", "car"])
+def test_the_shipped_models_have_the_plugins_forces(name: str) -> None:
+    apart = off(str(models_xml.path(name)), 300, kick=name not in ("cable", "car"))
+    assert apart.max() < 5e-3
+
+
+@pytest.mark.slow
+def test_two_dampers_that_act_on_each_other() -> None:
+    mass, stiffness, damping = np.array([98.3, 98.3]), np.array([5e5, 7e5]), np.array([125.0, 50.0])
+    frame = ShearFrame(mass=mass, stiffness=stiffness, damping=damping, damper_between=(0, 1))
+    models = frame_models([default_damper(), default_damper()], frame, [(0, 1), (1, 2)])
+    assert off(frame_xml(models, 5e-4), 300).max() < 5e-3
+
+
+@pytest.mark.slow
+def test_parameters_of_each_world() -> None:
+    """The second world has the parameter of MuJoCo's model, the first another one."""
+    assert off(FRAME, 200, c0a=4000.0).max() < 5e-3
+
+
+@pytest.mark.slow
+def test_a_world_begins_anew_where_its_time_goes_back() -> None:
+    mujoco_warp = pytest.importorskip("mujoco_warp", reason="the extra `warp` is not installed")
+    from mrdamp.warp import put_model
+
+    model, dampers = put_model(FRAME)
+    data = dampers.make_data(1)
+    runs = []
+    for _ in range(2):
+        mujoco_warp.reset_data(model, data)
+        run = []
+        for k in range(40):
+            data.ctrl.assign(np.array([[5.0 * np.sin(0.1 * k), 1.0]], dtype=np.float32))
+            mujoco_warp.step(model, data)
+            run.append(data.sensordata.numpy()[0].copy())
+        runs.append(np.array(run))
+    assert np.array_equal(runs[0], runs[1])
+    assert np.abs(runs[0][:, -1]).max() > 10.0  # N, the force sensor
+
+
+def test_what_a_converted_model_has() -> None:
+    converted = convert(FRAME)
+    assert converted.model.nplugin == 0
+    (damper,), (reading,) = converted.dampers, converted.readings
+    assert converted.model.actuator(damper.actuator).name == "damper"
+    assert int(converted.model.sensor_adr[-1]) == reading.column
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (FRAME.replace('integrator="Euler"', 'integrator="RK4"'), "integrator mjINT_RK4: dampers in Warp take Euler"),
+        ("<mujoco/>", "no actuator is a mrdamp.damper"),
+        ("no such file.xml", "no such file.xml: no such file"),
+    ],
+)
+def test_refusals(text: str, message: str) -> None:
+    refuses(lambda: convert(text), message)
