@@ -31,7 +31,9 @@ def commands(page: Path) -> Iterator[str]:
                 yield re.sub(r"^(\w+=\S+ )*mrdamp ", "", words)
 
 
-PYTHON = [(page, k) for page in PAGES if page.name != "README.md" for k in range(len(blocks(page, "python")))]
+#: What needs an extra is run by tests/test_warp.py.
+ELSEWHERE = ("README.md", "gpu.md")
+PYTHON = [(page, k) for page in PAGES if page.name not in ELSEWHERE for k in range(len(blocks(page, "python")))]
 
 
 @pytest.mark.parametrize(("page", "block"), PYTHON, ids=lambda v: v.stem if isinstance(v, Path) else str(v))
