@@ -20,7 +20,7 @@ from mrdamp.diagnosis.attribution.frame_laws import law_handed_over, other_law
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.evidence.judgement import not_established, scored
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored
-from mrdamp.diagnosis.fits.final import final_fit
+from mrdamp.diagnosis.fits.final import final_fit, predicted_gap
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
@@ -28,7 +28,6 @@ from mrdamp.diagnosis.frame_run import reduced
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
-from mrdamp.diagnosis.report.handover import predicted_gap
 from mrdamp.diagnosis.run import diagnose, searched
 from mrdamp.diagnosis.searched import silent
 from mrdamp.identify import identify

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mrdamp.diagnosis.constants import MATERIAL, UNSTEADY
+from mrdamp.diagnosis.evidence import judgement
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
 from mrdamp.diagnosis.evidence.judgement import decided, likely, never_worse
 from mrdamp.diagnosis.evidence.verdict import Decision
@@ -28,6 +29,7 @@ def answered() -> tuple[Search, list[Fit], Decision]:
     return search, fits, decided(search, fits, {}, None)
 
 
+@pytest.mark.parametrize("by_file", [None, 0.99, 1.01], ids=lambda x: f"file {x}")
 @pytest.mark.parametrize(
     ("verdict", "share", "seen", "kept"),
     [
@@ -48,10 +50,11 @@ def test_a_correction_has_to_hold_on_left_out_records(
     share: float,
     seen: bool,
     kept: bool,
+    by_file: float | None,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """share: gap of the corrected simulator over the nominal one, on left-out records and folds. seen: channels
-    show the cause without a law."""
+    """share: gap of the corrected simulator over the nominal one, on left-out records and folds. by_file: the same by
+    their files, over the largest that is allowed; None: as `share`. seen: channels show the cause without a law."""
     search, fits, decision = answered
     assert search.inexact
     problem = search.problem
@@ -60,6 +63,11 @@ def test_a_correction_has_to_hold_on_left_out_records(
     final = FinalFit(best, share * nominal, problem)
     monkeypatch.setattr(Search, "predicted", lambda self, found: share * self.residual)
     monkeypatch.setattr(search, "direct", {"cubic": 5.0} if seen else {})
+    most = 1.0 if seen else float(np.sqrt(1 - MATERIAL))
+    gaps = iter([share if by_file is None else by_file * most, 1.0])
+    monkeypatch.setattr(judgement, "predicted_gap", lambda model, problem: next(gaps))
+    if by_file is not None and verdict in ("effect", "unknown"):
+        kept = kept and by_file < 1
     before = replace(decision, verdict=verdict, unknown=0.6)
     handed, after = never_worse(search, fits, final, before)
     assert (handed is final) is kept

@@ -20,12 +20,12 @@ from mrdamp.diagnosis.constants import TEMPER, UNSTEADY
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.penalties import of_baseline
 from mrdamp.diagnosis.evidence.verdict import Scored, decide, of_parameters
+from mrdamp.diagnosis.fits.final import predicted_gap
 from mrdamp.diagnosis.fits.regimes import groupings
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.excerpts import EACH, LONGEST, excerpts
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.handover import predicted_gap
 from mrdamp.diagnosis.report.result import Named
 from mrdamp.diagnosis.report.sentence import in_words
 from mrdamp.diagnosis.run import diagnose

@@ -11,11 +11,12 @@ from mrdamp.diagnosis.constants import EVIDENCE_GAIN, NUMBER
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.regimes import by_record, left_out
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.residuals import Problem, squared_gap
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
+from mrdamp.simulation.predict import free_run
 
 #: Number of fits of the chosen causes, in other forms, that are compared on left-out folds.
 _FORMS = 3
@@ -88,6 +89,20 @@ def in_file(rig: Rig, found: Fit) -> bool:
         Model.from_dict(rig.model(found.settings).to_dict())
         return True
     return False
+
+
+def predicted_gap(model: Model, problem: Problem) -> float:
+    """RMS error over the measurement's RMS, by the path of `mrdamp predict` with a simulator's file; records and
+    channels have equal weight."""
+    rig, squares = problem.rig, []
+    for k in problem.records:
+        try:
+            channels = rig.compared(free_run(model, rig.driven(k)), k)
+        except InputError:
+            return float("nan")
+        dt = rig.records[k].sample_time
+        squares += [squared_gap(one, other, dt) for one, other in zip(channels, rig.measured(k), strict=True)]
+    return float(np.sqrt(np.mean(squares)))
 
 
 def _with_full_step(search: Search, found: Fit) -> FinalFit:

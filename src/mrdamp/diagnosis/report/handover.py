@@ -1,5 +1,5 @@
-"""The corrected simulator as it is handed over: the gap by its file, its MJCF, and a check that MuJoCo reproduces the
-diagnosis's simulation with it."""
+"""The corrected simulator's MJCF as it is handed over, and a check that MuJoCo reproduces the diagnosis's simulation
+with it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.diagnosis.problem.residuals import Problem, squared_gap
+from mrdamp.diagnosis.problem.residuals import squared_gap
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.simulation.mjcf import write_mjcf
-from mrdamp.simulation.predict import as_logged, as_read, free_run, played
+from mrdamp.simulation.predict import as_logged, as_read, played
 
 #: Largest difference of two gaps of one simulator, as a share of the measurement's RMS.
 AGREEMENT = 0.01
@@ -86,17 +86,3 @@ def agreement(model: Model, record: Record) -> Agreement:
 
     measured = {name: record.channel(name) for name in names}
     return Agreement(record.name, apart(offline, measured), apart(stepped, measured), apart(offline, stepped))
-
-
-def predicted_gap(model: Model, problem: Problem) -> float:
-    """RMS error over the measurement's RMS, by the path of `mrdamp predict` with a simulator's file; records and
-    channels have equal weight."""
-    rig, squares = problem.rig, []
-    for k in problem.records:
-        try:
-            channels = rig.compared(free_run(model, rig.driven(k)), k)
-        except InputError:
-            return float("nan")
-        dt = rig.records[k].sample_time
-        squares += [squared_gap(one, other, dt) for one, other in zip(channels, rig.measured(k), strict=True)]
-    return float(np.sqrt(np.mean(squares)))
