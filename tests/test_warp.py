@@ -134,6 +134,7 @@ def test_what_a_converted_model_has() -> None:
         (FRAME.replace('integrator="Euler"', 'integrator="RK4"'), "integrator mjINT_RK4: dampers in Warp take Euler"),
         ("<mujoco/>", "no actuator is a mrdamp.damper"),
         ("no such file.xml", "no such file.xml: no such file"),
+        ("<mujoco><worldbody></mujoco>", "XML parse error"),
     ],
 )
 def test_refusals(text: str, message: str) -> None:

@@ -156,36 +156,29 @@ inline void ActInWorld(const Worlds& a, int world) {
 
 // Readings of a world's force sensors, once the accelerations of the step are known.
 inline void ReadWorld(const Worlds& a, int world) {
-  for (int k = 0; k < a.dampers; k++) {
+  constexpr int kEffects = sizeof(SensorParams) / sizeof(double);
+  const std::size_t first = static_cast<std::size_t>(world) * a.dampers;
+  for (int r = 0; r < a.readings; r++) {
+    const int k = a.reading_damper[r];
+    const double force = a.store[first + k].force, acceleration = a.acceleration[first + k];
     Damper damper;
     Stepping at;
-    bool filled = false;
-    WorldDamper& own = a.store[static_cast<std::size_t>(world) * a.dampers + k];
-    for (int r = 0; r < a.readings; r++) {
-      if (a.reading_damper[r] != k) continue;
-      if (!filled) {
-        worlds::Fill(a, world, k, &damper);
-        worlds::Present(a, world, k, damper, &at);
-        filled = true;
-      }
-      const double acceleration = a.acceleration[static_cast<std::size_t>(world) * a.dampers + k];
-      const double whole = at.seen.force + at.Mass() * acceleration;
-      const bool limited = own.force == -a.force_range[2 * k] || own.force == -a.force_range[2 * k + 1];
-      SensorParams effects = SensorParams::Of(damper.p);
-      double* value = reinterpret_cast<double*>(&effects);
-      for (std::size_t i = 0; i < sizeof effects / sizeof(double); i++) {
-        const double given = a.effects[r * (sizeof effects / sizeof(double)) + i];
-        if (!isnan(given)) value[i] = given;
-      }
-      ReadingState& s = a.reading_store[static_cast<std::size_t>(world) * a.readings + r];
-      if (at.time == 0) s.started = 0;
-      const double before = s.started != 0 && at.time > s.time ? 1 : 0;
-      const Exerted now{whole, own.force, acceleration};
-      Follow(effects, at, now, limited, a.timestep, true, &s);
-      s.count += before;
-      a.sensordata[static_cast<std::size_t>(world) * a.sensors + a.reading_column[r]] =
-          static_cast<float>(Value(a.reading[r], effects, at, now, limited, s));
+    worlds::Fill(a, world, k, &damper);
+    worlds::Present(a, world, k, damper, &at);
+    SensorParams effects = SensorParams::Of(damper.p);
+    for (int i = 0; i < kEffects; i++) {
+      const double given = a.effects[r * kEffects + i];
+      if (!isnan(given)) reinterpret_cast<double*>(&effects)[i] = given;
     }
+    ReadingState& s = a.reading_store[static_cast<std::size_t>(world) * a.readings + r];
+    if (at.time == 0) s.started = 0;
+    const bool stepped = s.started != 0 && at.time > s.time;
+    const bool limited = force == -a.force_range[2 * k] || force == -a.force_range[2 * k + 1];
+    const Exerted now{at.seen.force + at.Mass() * acceleration, force, acceleration};
+    Follow(effects, at, now, limited, a.timestep, true, &s);
+    s.count += stepped;
+    a.sensordata[static_cast<std::size_t>(world) * a.sensors + a.reading_column[r]] =
+        static_cast<float>(Value(a.reading[r], effects, at, now, limited, s));
   }
 }
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_kind
 from mrdamp.library import load_plugin
 from mrdamp.model.attributes import attributes, law_number, vector
 from mrdamp.model.core import Array, Narx
@@ -77,13 +77,17 @@ def convert(source: mujoco.MjSpec | Path | str) -> Converted:
 
 
 def _spec(source: mujoco.MjSpec | Path | str) -> mujoco.MjSpec:
+    require_kind("an MjSpec, an MJCF file or its text", (mujoco.MjSpec, Path, str), source=source)
     if isinstance(source, mujoco.MjSpec):
         return source.copy()
-    if isinstance(source, str) and source.lstrip().startswith("<"):
-        return mujoco.MjSpec.from_string(source)
-    if not Path(source).is_file():
-        raise InputError(f"{source}: no such file")
-    return mujoco.MjSpec.from_file(str(source))
+    try:
+        if isinstance(source, str) and source.lstrip().startswith("<"):
+            return mujoco.MjSpec.from_string(source)
+        if not Path(source).is_file():
+            raise InputError(f"{source}: no such file")
+        return mujoco.MjSpec.from_file(str(source))
+    except ValueError as error:
+        raise InputError(" ".join(str(error).split())) from None
 
 
 def _kind(m: mujoco.MjModel, instance: int) -> str:
