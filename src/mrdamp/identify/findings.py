@@ -18,6 +18,8 @@ _AT_LIMIT = 1e-3
 #: Shares of the remaining error that are told: what a lag of the driver would take off, what parting a fitted lag into
 #: lag and delay would, what noise of the displacement makes. Below, intervals of exact laws held the truth.
 _WORTH, _WORTH_PARTING, _WORTH_NOISE = 0.3, 0.15, 0.15
+#: What a fit searches in place of Bouc-Wen's A, gamma and beta, whose z ends at 1.
+_COORDINATES = {"beta_share": ", beta / (beta + gamma),", "yield_displacement": ", 1 / A in m,"}
 #: A held-out record is an extrapolation if it is faster by this factor than all that was fitted.
 _FASTER = 1.25
 #: s, lags that are tried; shares of a fitted lag that are tried as a delay.
@@ -49,7 +51,8 @@ def _limits(fit: Fit) -> list[str]:
             continue
         if c.low == 0 and p < 0.5 and not c.log:
             continue  # a part that is not needed
-        lines.append(f"{c.name} is at the end of its range, {c.unpack(p):.4g} of {c.low:.3g} to {c.high:.3g}")
+        name = f"{c.name}{_COORDINATES.get(c.name, '')}"
+        lines.append(f"{name} is at the end of its range, {c.unpack(p):.4g} of {c.low:.3g} to {c.high:.3g}")
     return lines
 
 
