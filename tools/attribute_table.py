@@ -19,9 +19,9 @@ from mrdamp.model.citations import Reference, references
 README = Path(__file__).resolve().parents[1] / "plugin_cpp" / "README.md"
 
 #: What stands over the tables.
-_LAWS = """Coefficients of the [laws](#laws). One with suffixes is `p(b) = p_a + p_b b + p_c b^2 + p_e (1 - exp(-p_r b))`: the unit given
-is that of `a` and `e`; `b` is per command, `c` per command squared, `r` 1 per command. `c`, `e`, `r` are optional (0, 0, 1);
-`r` is from 0."""
+_LAWS = """Coefficients of the [laws](#laws). One with suffixes is
+`p(b) = p_a + p_b b + p_c b^2 + p_e (1 - exp(-p_r b))`: the unit given is that of `a` and `e`; `b` is per command,
+`c` per command squared, `r` 1 per command. `c`, `e`, `r` are optional (0, 0, 1); `r` is from 0."""
 _REST = "For every law. Without a range: any value."
 
 
