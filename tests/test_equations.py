@@ -65,6 +65,7 @@ def test_the_pages_hold_the_figures_of_the_results(monkeypatch: pytest.MonkeyPat
         assert results.fill(page) == page
         marks = re.findall(r"<!--\w[^>]*-->", page)
         assert len(marks) == page.count("<!--/-->") > 30
+        assert not re.search(r"^ *<!--\w[^>]*-->.", page, re.MULTILINE)  # it would end a list or a paragraph
         stale = re.sub(r"(<!--\w[^>]*-->).*?(?=<!--/-->)", r"\1-", page, flags=re.S)
         assert stale != page
         assert results.fill(stale) == page
