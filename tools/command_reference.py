@@ -8,8 +8,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from mrdamp.cli import build_parser
@@ -58,26 +57,34 @@ def rows(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str, str]]:
             yield _name(action), *_help(action)
 
 
+def shared_rows(commands: Iterable[argparse.ArgumentParser]) -> dict[tuple[str, str], set[str]]:
+    """Defaults of what several commands have alike, by name and what it does."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for sub in commands:
+        for name, text, default in rows(sub):
+            found.setdefault((name, text), []).append(default)
+    return {key: set(some) for key, some in found.items() if len(some) > 1}
+
+
 def lines() -> Iterator[str]:
     """The page, line by line."""
     commands = subcommands(build_parser())
-    counts = Counter((_long(name), text) for sub, _ in commands.values() for name, text, _ in rows(sub))
-    shared = {key for key, count in counts.items() if count > 1 and key[0].startswith("`--")}
+    shared = shared_rows(sub for sub, _ in commands.values())
+    alike = {key: next(iter(some)) for key, some in shared.items() if len(some) == 1}
     yield "# Commands"
     yield ""
     yield "Bad input gives one line on standard error and exit code 2, an interrupt 130. The same command continues an"
     yield "interrupted run. Written by `tools/command_reference.py`."
     yield from ("", "## Options of several commands", "")
-    everywhere = {(_long(name), text): name for sub, _ in commands.values() for name, text, _ in rows(sub)}
-    yield from (f"- {name}: {key[1]}" for key, name in everywhere.items() if key in shared)
+    yield from (f"- {name}: {text} {alike.get((name, text), '')}".rstrip() for name, text in shared)
     for command, (sub, about) in commands.items():
         yield from ("", f"## mrdamp {command}", "", f"{about[:1].upper()}{about[1:]}.", "")
         if sub.epilog:
             yield from ("```", sub.epilog.removeprefix("example: "), "```", "")
         above = []
         for name, text, default in rows(sub):
-            if (_long(name), text) in shared:
-                above.append(f"{_long(name)} {default}".strip())
+            if (name, text) in shared:
+                above.append(f"{_long(name)} {'' if (name, text) in alike else default}".strip())
             else:
                 yield f"- {name}: {text} {default}".strip().removesuffix(":")
         if above:
