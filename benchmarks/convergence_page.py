@@ -111,13 +111,13 @@ force is within 1 % in 98.8 % of 1500 draws; the median error is 0.009 %.** Sing
 at 1 ms, and every signal of the default environments is within 1.1 % of a step ten times as fine.
 
 ```
-python -m benchmarks.convergence_page     # writes this page; a short draw is part of `make test`
+python -m benchmarks.convergence_page
 ```
 
 Less accurate are
 
 - **a nearly undamped mass that rattles** in a clearance or on a stiff mount: samples depend on the phase of hundreds
-  of impacts, even at steps of 1 us; the RMS of the force is right within 3 %;
+  of impacts; the RMS of the force is right within 3 %;
 - **friction with a large breakaway behind a mount**: slip begins up to one step late, or not at all where the force
   ends just below the breakaway;
 - **forces that jump at a reversal** (`trapped_gas` without `width`): right to one step;

@@ -19,10 +19,10 @@ from mrdamp.model.citations import Reference, references
 README = Path(__file__).resolve().parents[1] / "plugin_cpp" / "README.md"
 
 #: What stands over the tables.
-_LAWS = """Coefficients of the laws; the [table of laws](#laws) says which law needs which. A coefficient with suffixes
-is `p(b) = p_a + p_b b + p_c b^2 + p_e (1 - exp(-p_r b))`. Units: that given for `a` and `e`, per command for `b`,
-per command squared for `c`, 1 per command for `r`. `c`, `e`, `r` are optional (0, 0, 1); `r` is from 0."""
-_REST = "For every law."
+_LAWS = """Coefficients of the [laws](#laws). One with suffixes is
+`p(b) = p_a + p_b b + p_c b^2 + p_e (1 - exp(-p_r b))`: the unit given is that of `a` and `e`; `b` is per command,
+`c` per command squared, `r` 1 per command. `c`, `e`, `r` are optional (0, 0, 1); `r` is from 0."""
+_REST = "For every law. Without a range: any value. `command`: A, or the driver's V."
 
 
 def number(value: float) -> str:
@@ -33,7 +33,7 @@ def number(value: float) -> str:
 def span(low: float, high: float) -> str:
     """The range of an attribute in words."""
     if math.isinf(low) and math.isinf(high):
-        return "any"
+        return ""
     if math.isinf(high):
         return f"from {number(low)}"
     if math.isinf(low):
@@ -43,16 +43,18 @@ def span(low: float, high: float) -> str:
 
 def line(names: list[str], row: core.Attribute, meaning: str) -> str:
     """One row of a table: attributes that differ by their suffix alone share it."""
+    unit = row.unit.removeprefix("1 ") if row.unit != "1" else ""
+    default = "" if row.default is None else number(row.default)
     limits = span(row.minimum, row.maximum)
-    if row.group != "law":
-        limits = f"{'not given' if row.default is None else number(row.default)}; {limits}"
-    return f"| {' '.join(f'`{name}`' for name in names)} | {row.unit} | {limits} | {meaning} |"
+    value = [row.unit] if row.group == "law" else [default, unit]
+    words = [*filter(None, value), *([f"({limits})"] if limits else [])]
+    return f"| {' '.join(f'`{name}`' for name in names)} | {' '.join(words)} | {meaning} |"
 
 
 def rows(of_laws: bool) -> Iterator[str]:
     """Lines of one table, the head first."""
-    yield f"| attribute | unit | {'range' if of_laws else 'default; range'} | meaning |"
-    yield "|---|---|---|---|"
+    yield f"| attribute | {'unit' if of_laws else 'default'} (range) | meaning |"
+    yield "|---|---|---|"
     known = {row.name: row for row in core.attributes()}
     stems = {name[:-1] for name in known if {f"{name[:-1]}a", f"{name[:-1]}b"} <= set(known)}
     for name, row in known.items():

@@ -6,8 +6,9 @@ With `--check` nothing is written, and the exit code is 1 where the file and the
 from __future__ import annotations
 
 import argparse
+import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from mrdamp.cli import build_parser
@@ -33,31 +34,61 @@ def _name(action: argparse.Action) -> str:
     return f"`{', '.join(action.option_strings)}{value}`"
 
 
-def _help(action: argparse.Action) -> str:
-    text = (action.help or "") % {"default": action.default, "prog": "mrdamp"}
+def _long(name: str) -> str:
+    """The long option of a name."""
+    found = re.search(r"--[\w-]+", name)
+    return f"`{found[0]}`" if found else name
+
+
+def _help(action: argparse.Action) -> tuple[str, str]:
+    """What an argument does, and its default in brackets."""
+    text = " ".join(((action.help or "") % {"default": action.default, "prog": "mrdamp"}).split())
+    said = re.fullmatch(r"(.*?) ?(\(default: [^()]*\))", text)
+    if said:
+        return said[1], said[2]
     given = action.default not in (None, argparse.SUPPRESS, False, []) and action.option_strings
-    if given and "default" not in text:
-        text += f" (default: {action.default})"
-    return " ".join(text.split())
+    return text, f"(default: {action.default})" if given and "default" not in text else ""
+
+
+def rows(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str, str]]:
+    """Of each argument of a command: its name and value, what it does, its default."""
+    for action in parser._actions:
+        if not isinstance(action, argparse._HelpAction) and action.help is not argparse.SUPPRESS:
+            yield _name(action), *_help(action)
+
+
+def shared_rows(commands: Iterable[argparse.ArgumentParser]) -> dict[tuple[str, str], set[str]]:
+    """Defaults of what several commands have alike, by name and what it does."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for sub in commands:
+        for name, text, default in rows(sub):
+            found.setdefault((name, text), []).append(default)
+    return {key: set(some) for key, some in found.items() if len(some) > 1}
 
 
 def lines() -> Iterator[str]:
     """The page, line by line."""
+    commands = subcommands(build_parser())
+    shared = shared_rows(sub for sub, _ in commands.values())
+    alike = {key: next(iter(some)) for key, some in shared.items() if len(some) == 1}
     yield "# Commands"
     yield ""
     yield "Bad input gives one line on standard error and exit code 2, an interrupt 130. The same command continues an"
     yield "interrupted run. Written by `tools/command_reference.py`."
-    for name, (sub, text) in subcommands(build_parser()).items():
-        yield from ("", f"## mrdamp {name}", "", f"{text[:1].upper()}{text[1:]}.", "")
+    yield from ("", "## Options of several commands", "")
+    yield from (f"- {name}: {text} {alike.get((name, text), '')}".rstrip() for name, text in shared)
+    for command, (sub, about) in commands.items():
+        yield from ("", f"## mrdamp {command}", "", f"{about[:1].upper()}{about[1:]}.", "")
         if sub.epilog:
             yield from ("```", sub.epilog.removeprefix("example: "), "```", "")
-        rows = [
-            a
-            for a in sub._actions
-            if not isinstance(a, argparse._HelpAction) and a.help is not argparse.SUPPRESS
-        ]
-        if rows:
-            yield from (f"- {_name(a)}: {_help(a)}".removesuffix(": ") for a in rows)
+        above = []
+        for name, text, default in rows(sub):
+            if (name, text) in shared:
+                above.append(f"{_long(name)} {'' if (name, text) in alike else default}".strip())
+            else:
+                yield f"- {name}: {text} {default}".strip().removesuffix(":")
+        if above:
+            yield f"- [above](#options-of-several-commands): {', '.join(above)}"
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""What the pages of docs/identification hold: models of each set, their commands, an independent fit's errors."""
+"""What docs/identification/README.md shows: models of each set, their commands, an independent fit's errors."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Page:
-    """A set's page.
+    """A set's section.
 
     shown: models whose command's own words and pictures are shown. loops: record and models of each picture.
     left_out: parts of names; all records of one such are left out in turn to evaluate the laws; the last is of
@@ -69,13 +69,12 @@ _EFFECTS = ("--extras", "offset", "driver_lag", "saturation", "gas_spring", "cha
 
 _EMBEDDED = Page(
     "Embedded records",
-    "Seventeen tests of a simulated damper that shares no physics with the package "
-    "(`src/mrdamp/data/embedded/README.md`). The records come with the package.",
+    "Seventeen tests of a simulated damper that shares no physics with the package. They come with it "
+    "(`src/mrdamp/data/embedded/`).",
     (
         Table(
             "Whole records",
-            "Fitted to the nine records of `train/`, evaluated on the eight of `validation/`, which have "
-            "other amplitudes, frequencies, currents and waveforms.",
+            "Nine records are fitted. The eight held out have other amplitudes, frequencies, currents and waveforms.",
             (
                 *_laws(_NONE),
                 Row("modified Bouc-Wen with effects", "effects", ("--law", "modified_bouc_wen", *_EFFECTS)),
@@ -84,9 +83,8 @@ _EMBEDDED = Page(
         ),
         Table(
             "Varying current, 4000:2000:1500 samples at 500 Hz",
-            "Protocol of the self-sensing paper: 5 Hz, 2.5 mm, random current; training, validation and test part "
-            "are cut from one record. Held out: the test part and the other records of random current, among them "
-            "the paper's testing sets 1 (1 Hz sine) and 2 (2.5 Hz triangle).",
+            "The self-sensing paper's protocol: 5 Hz, 2.5 mm, random current; training, validation and test part are "
+            "cut from one record. Held out: the test part and the other records of random current.",
             (
                 Row("modified Bouc-Wen", "cut_plain", ("--law", "modified_bouc_wen", *_CUT)),
                 Row(
@@ -120,11 +118,10 @@ _UTFSM = Page(
     (
         Table(
             "Laws and network",
-            "All laws have larger errors than the reference, because the damper was in another state on the day of "
-            "the sweep: at .5 A it is 1.16 to 1.21 times as strong as on the training day, at any speed. Modified "
-            "Bouc-Wen would have .110 with one gain for each record. Reference: a quick independent fit, quadratic in "
-            "the current, on other tests of the rig, which are not available; the nearest protocol here leaves one "
-            "motion out (next table). Rows with S: `quadratic_saturating`, an S-shaped dependence on the current.",
+            "All laws are above the reference, because the damper was in another state on the day of the sweep: at .5 "
+            "A 1.16 to 1.21 times as strong as on the training day, at any speed. With one gain for each record "
+            "modified Bouc-Wen would have .110. The reference's tests are not available; nearest to them is the next "
+            "table. S: `quadratic_saturating`, an S-shaped dependence on the current.",
             (
                 *_laws((0.24, 0.14, 0.13, 0.12), "--dependence", "quadratic"),
                 *_laws(
@@ -161,9 +158,9 @@ _UTFPR = Page(
     (
         Table(
             "As recorded",
-            "The tests at 0 V named 50Hz have 50 to 100 um of noise in the displacement, ten times that of the "
-            "others, which damping and stiffness turn into force; errors are given without them too. Bouc-Wen cannot "
-            "fit better: its force reverses over a displacement, this damper's over a velocity.",
+            "The tests at 0 V named 50Hz have ten times the others' noise in the displacement (50 to 100 um), which "
+            "damping and stiffness turn into force; errors are given without them too. Bouc-Wen cannot fit better: its "
+            "force reverses over a displacement, this damper's over a velocity.",
             (
                 *_laws((0.24, 0.12, 0.13, 0.09), "--dependence", "quadratic"),
                 Row(
@@ -187,7 +184,7 @@ _UTFPR = Page(
         ),
         Table(
             "Displacement low-passed at 8 Hz",
-            "The motions end at 1.5 Hz. The reference is the same.",
+            "The motions end at 1.5 Hz.",
             _laws((0.24, 0.12, 0.13, 0.09), "--starts", "2", suffix="_8Hz"),
             cutoff=8.0,
             without="50Hz",
@@ -205,8 +202,8 @@ _NEES = Page(
     (
         Table(
             "Plain laws",
-            "The preload k1 x0 of the modified Bouc-Wen law is not fitted: an offset of the force is the same "
-            "parameter. The last row has this offset, and is quadratic in the command as the reference.",
+            "The preload k1 x0 of modified Bouc-Wen is fitted as an offset of the force (last row, quadratic in the "
+            "command as the reference).",
             (
                 *_laws((0.48, 0.37, 0.37, 0.34), "--starts", "2", "--extras"),
                 Row(
@@ -219,10 +216,10 @@ _NEES = Page(
         ),
         Table(
             "With effects, and the network",
-            "Offset, stiffness of the accumulator and lag of the command are fitted with the law; in one row also a "
-            "delay between displacement and force. At 3 kHz the velocities contain all noise of the displacement, so "
-            "the network runs at 300 Hz on low-passed velocities, and all models are evaluated there too. Its "
-            "reference is a quick independent network at 300 Hz.",
+            "Offset, stiffness of the accumulator and lag of the command are fitted too; in one row also a delay "
+            "between displacement and force. At 3 kHz the velocities contain all noise of the displacement: the "
+            "network, and its reference, run at 300 Hz on low-passed velocities, and all models are evaluated there "
+            "too.",
             (
                 *_laws((0.31, 0.21, 0.18, 0.165), "--starts", "2", "--extras", "offset", "gas_spring", "driver_lag",
                        "--dependence", "quadratic", suffix="_effects", note=", effects"),

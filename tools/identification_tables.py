@@ -1,10 +1,10 @@
-"""Regenerates docs/identification: runs the commands that its pages show, and writes their tables and pictures.
+"""Renews docs/identification/README.md: runs the commands that it shows, and writes the tables and pictures of a set
+between `<!-- SET -->` and `<!-- end -->`.
 
     python tools/identification_tables.py embedded
     python tools/identification_tables.py --data FOLDER utfsm utfpr nees
 
-FOLDER holds a folder of records per set. A model that lies in out/identification already is not fitted again. The
-summary (README.md) is put together from the pages' figures, which are stored with the pages in figures.json.
+FOLDER holds a folder of records per set. A model that lies in out/identification already is not fitted again.
 """
 
 from __future__ import annotations
@@ -36,7 +36,6 @@ from mrdamp.records import Record, RecordSet, embedded, read_records
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ROOT / "docs" / "identification"
 WORK = ROOT / "out" / "identification"
-_BEGIN, _END = "<!-- figures -->", "<!-- end of figures -->"
 
 
 def records_of(name: str, data: Path | None, cutoff: float | None) -> RecordSet:
@@ -80,14 +79,12 @@ def commands(name: str, t: Table) -> list[str]:
     ]
 
 
-def table(
-    name: str, t: Table, data: Path | None, figures: dict[str, list[float | None]]
-) -> tuple[list[str], dict[str, Model]]:
+def table(name: str, t: Table, data: Path | None) -> tuple[list[str], dict[str, Model]]:
     """The lines of a table, and its models by file name."""
     records = records_of(name, data, t.cutoff)
     if t.protocol == "varying":
         records = cut_varying(records, VARYING)
-    lines = [f"## {t.title}", "", t.text, "", "```"]
+    lines = [f"### {t.title}", "", t.text, "", "```"]
     lines += [*commands(name, t), "```", ""]
     head = ["model", "fitted records", "held-out records"]
     head += ["held out at the network's rate"] if t.sample_time else []
@@ -107,7 +104,6 @@ def table(
             values.append(pooled([e for e in new if t.without not in e.record]))
         if t.one_step:
             values.append(one_step(model, records.validation))
-        figures[row.file] = [*values, row.mark]
         values += [row.mark] if "reference" in head else []
         lines.append("| " + " | ".join([row.name, *("" if v is None else f"{v:.3f}" for v in values)]) + " |")
     lines += [""]
@@ -153,12 +149,9 @@ def left_out(name: str, page: Page, records: RecordSet) -> list[str]:
         values += [pooled([e for fit in some for e in fit.held_out]) for some in (parts[:-1], parts)]
         found[law] = [round(value, 3) for value in values]
         store.write_text(json.dumps(found))
-    text = (
-        "Fitted to the records of the other motions, of both halves, and evaluated on those of one. One start,"
-        " quadratic in the current, as for the reference."
-    )
+    text = "Fitted to the records of the other motions, of both halves. One start, quadratic in the current."
     head = ["law", *page.left_out, f"all but {page.left_out[-1]}", "all", "reference"]
-    lines = ["## One motion left out", "", text, "", f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    lines = ["### One motion left out", "", text, "", f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     marks = {row.file: row.mark for row in page.tables[0].rows}
     for law in LAWS:
         cells = [law.replace("_", " "), *(f"{v:.3f}" for v in found[law]), f"{marks[law]:.3f}"]
@@ -188,64 +181,31 @@ def shrink(source: io.BytesIO | Path, path: Path) -> None:
 
 
 def write(name: str, data: Path | None) -> None:
-    """Writes a set's page and keeps its figures."""
+    """Renews a set's section."""
     page = SETS[name]
-    kept: dict[str, dict[str, list[float | None]]] = {}
-    store = PAGES / "figures.json"
-    if store.exists():
-        kept = json.loads(store.read_text(encoding="utf-8"))
-    figures: dict[str, list[float | None]] = {}
-    lines = [f"# {page.title}", "", page.text, ""]
+    lines = [f"## {page.title}", "", page.text, ""]
     models: dict[str, Model] = {}
     for t in page.tables:
-        more, found = table(name, t, data, figures)
+        more, found = table(name, t, data)
         lines += more
         models |= found
     if page.left_out:
         lines += left_out(name, page, records_of(name, data, None))
-    if page.loops:
-        lines += ["## Loops", ""]
     for count, (record, files) in enumerate(page.loops):
         names = {row.file: row.name for t in page.tables for row in t.rows if row.file in files}
         path = PAGES / (f"{name}-loops-{count + 1}.png" if count else f"{name}-loops.png")
         measured = records_of(name, data, page.tables[0].cutoff)[record]
         rate = next((t.sample_time for t in page.tables if t.sample_time), None)
-        measured, said = (slower(measured, rate), " at the network's rate") if rate else (measured, "")
-        lines += [f"Record {record}{said}:", "", loops(path, measured, models, names), ""]
+        lines += [loops(path, slower(measured, rate) if rate else measured, models, names), ""]
     for file in page.shown:
         row = next(row for t in page.tables for row in t.rows if row.file == file)
-        pictures = sorted((WORK / name).glob(f"{file}*.png"))
-        lines += [f"## {row.name}", ""] if pictures else []
-        for picture in pictures:
+        for picture in sorted((WORK / name).glob(f"{file}*.png")):
             shrink(picture, PAGES / f"{name}-{picture.name}")
             lines += [f"![{row.name}: {picture.stem.split('-')[-1]}]({name}-{picture.name})", ""]
-    (PAGES / f"{name}.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
-    kept[name] = {file: [None if v is None else round(v, 6) for v in row] for file, row in figures.items()}
-    store.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    summarise(kept)
-
-
-def summarise(kept: Mapping[str, Mapping[str, Sequence[float | None]]]) -> None:
-    """Puts the held-out figures of all pages into the table of the summary, between its two marks."""
-    heads = ["set", *(law.replace("_", " ") for law in LAWS), "network", "others"]
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    for name, page in SETS.items():
-        for t in page.tables:
-            first: dict[str, str] = {}
-            others = []
-            for row in t.rows:
-                _, new, *_, mark = kept[name][row.file]
-                if row.arguments[1] in first:
-                    others.append(f"{row.name} {new:.3f}")
-                else:
-                    first[row.arguments[1]] = f"{new:.3f}" + (f" ({mark})" if mark else "")
-            cells = (first.get(law, "") for law in (*LAWS, "narx"))
-            where = f"[{name}]({name}.md), {t.title[0].lower()}{t.title[1:]}"
-            lines.append(f"| {where} | {' | '.join(cells)} | {'; '.join(others)} |")
     path = PAGES / "README.md"
-    before, _, rest = path.read_text(encoding="utf-8").partition(_BEGIN)
-    _, _, after = rest.partition(_END)
-    path.write_text("\n".join([before + _BEGIN, *lines, _END + after]), encoding="utf-8")
+    before, begin, rest = path.read_text(encoding="utf-8").partition(f"<!-- {name} -->\n")
+    _, end, after = rest.partition("<!-- end -->")
+    path.write_text("\n".join([before + begin, *lines]) + end + after, encoding="utf-8")
 
 
 def _folder(name: str, data: Path | None) -> Path:
@@ -255,7 +215,7 @@ def _folder(name: str, data: Path | None) -> Path:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Writes the given pages."""
+    """Renews the sections of the given sets."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -265,7 +225,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in options.sets:
         if name not in SETS:
             parser.error(f"no set {name}; there are {', '.join(SETS)}")
-    PAGES.mkdir(parents=True, exist_ok=True)
     for name in options.sets:
         write(name, options.data)
     return 0

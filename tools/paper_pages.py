@@ -1,7 +1,7 @@
-"""Writes docs/papers: each row of the two papers with what the package's commands give for it.
+"""Renews the figures of docs/papers: each row of the two papers with what the package's commands give for it.
 
-The pages are those of tools/papers with their figures filled in: `{{norm table1 network e_t}}` is `Results.norm` of
-these words.
+A figure stands in its page between `<!--norm table1 network e_t-->` and `<!--/-->`: it is `Results.norm` of these
+words.
 
     python tools/paper_pages.py [--data FOLDER] [RUN ...]
 
@@ -63,6 +63,8 @@ FEWER: Mapping[str, tuple[float, ...]] = {"table1_middle": (1.0, 3.0), "table1_s
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES, WORK = ROOT / "docs" / "papers", ROOT / "out" / "papers"
+#: Runs on the record sets of Table 1 of the foam-damper paper, by column.
+SETS = ("table1", "table1_five", "table1_utfsm", "table1_utfpr", "table1_nees")
 #: Of a command's JSON, what no row needs.
 _DROPPED = set("checks left_in_records effects_left_out train stages by_command course fitted warnings".split())
 
@@ -74,17 +76,26 @@ class Results:
         self.kept = kept
 
     def fill(self, text: str) -> str:
-        """The text with its figures."""
-        return re.sub(r"\{\{([^}]+)\}\}", lambda m: self._word(shlex.split(m[1])), text)
+        """The text with its figures renewed."""
+        marks = re.compile(r"<!--(\w[^>]*)-->.*?<!--/-->", re.DOTALL)
+        return marks.sub(lambda m: f"<!--{m[1]}-->{self._word(m[1])}<!--/-->", text)
 
     def command(self, run: str) -> str:
-        """The command of a run."""
-        words = RUNS[run].format(data="FOLDER", work=".")
-        return f"mrdamp {words}" + (" -o model.json" if words.startswith("identify") else "")
+        """The command of a run, as code."""
+        return f"`{_command(run)}`"
 
-    def folder(self, run: str) -> str:
-        """The command that makes a run's set."""
-        return f"python tools/make_foam.py {run} {' '.join(f'{hz:g}' for hz in FEWER[run])}"
+    def commands(self, *runs: str) -> str:
+        """The commands of runs as a block, each behind the one that makes its set."""
+        lines = []
+        for run in runs:
+            if run in FEWER:
+                lines.append(f"python tools/make_foam.py {run} {' '.join(f'{hz:g}' for hz in FEWER[run])}")
+            lines.append(_command(run))
+        return "\n".join(["\n\n```", *lines, "```\n\n"])
+
+    def norms(self, model: str, *norms: str) -> str:
+        """Of a model on every set, cells of a row."""
+        return " | ".join(self.norm(run, model, *norms) for run in SETS)
 
     def norm(self, run: str, model: str, *norms: str) -> str:
         """Of a table's row; a dash where there is none."""
@@ -178,8 +189,14 @@ class Results:
         rows = self.kept[run][half][way]["records"]
         return "; ".join(f"{r['record']} {r['rmse_N']:.1f} N, {100 * r['nrmse']:.1f} %" for r in rows)
 
-    def _word(self, words: Sequence[str]) -> str:
-        return str(getattr(self, words[0])(*words[1:]))
+    def _word(self, text: str) -> str:
+        name, *words = shlex.split(text)
+        return str(getattr(self, name)(*words))
+
+
+def _command(run: str) -> str:
+    words = RUNS[run].format(data="FOLDER", work=".")
+    return f"mrdamp {words}" + (" -o model.json" if words.startswith("identify") else "")
 
 
 def _name(trial: Mapping[str, Any], key: str) -> str:
@@ -237,7 +254,7 @@ def pictures() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs what is asked for or missing, and writes both pages."""
+    """Runs what is asked for or missing, and renews both pages."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", nargs="*", help=f"of {', '.join(RUNS)}")
     parser.add_argument("--data", type=Path, help="folder that holds the measured sets")
@@ -254,8 +271,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         store.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
     pictures()
     results = Results(kept)
-    for source in sorted((ROOT / "tools" / "papers").glob("*.md")):
-        (PAGES / source.name).write_text(results.fill(source.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in sorted(PAGES.glob("*.md")):
+        page.write_text(results.fill(page.read_text(encoding="utf-8")), encoding="utf-8")
     return 0
 
 

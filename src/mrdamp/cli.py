@@ -98,7 +98,7 @@ def build_parser() -> argparse.ArgumentParser:
     demo.add_argument("--data", type=Path, help="folder of records (default: the embedded set)")
     demo.add_argument("--law", default="modified_bouc_wen", help="force law to fit (default: %(default)s)")
     demo.add_argument("--motion", type=Path, help="ground motion, CSV or AT2 (default: the embedded one)")
-    demo.add_argument("--seed", type=int, default=0)
+    demo.add_argument("--seed", type=int, default=0, help="of random numbers (default: %(default)s)")
     demo.add_argument(
         "-o", "--out", type=OutFolder, default="out/demo", help="folder to write (default: %(default)s)"
     )
@@ -137,7 +137,7 @@ def build_parser() -> argparse.ArgumentParser:
 
     sets = add("sets", _sets, "list the published parameter sets", "mrdamp sets")
     sets.add_argument("name", nargs="?", help="print this one as a model file")
-    sets.add_argument("--json", action="store_true", help="print the list as JSON")
+    sets.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
     sets.add_argument("--include", action="store_true", help="print the path of the set's MJCF, for <include>")
 
     convert.add_to(commands)

@@ -20,7 +20,7 @@ def add_to(commands: Any) -> None:
     p = add_command(commands, "citation", run_citation, _HELP, _EXAMPLE)
     p.add_argument("name", nargs="?", help="law or parameter set (default: every law)")
     p.add_argument("--bibtex", action="store_true", help="the law's sources as BibTeX")
-    p.add_argument("--json", action="store_true", help="the same as JSON")
+    p.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
 
 
 def run_citation(a: argparse.Namespace) -> int:

@@ -79,7 +79,7 @@ def add_to(commands: Any) -> None:
         help="repeat with so much less and more stiffness, and mass, than controllers know",
     )  # fmt: skip
     p.add_argument(
-        "--command-unit", choices=("A", "V"), help="of the model's command (default: V, A with --model)"
+        "--command-unit", choices=("A", "V"), help="of the command (default: V, A with --model)"
     )
     p.add_argument(
         "--period", type=float, metavar="MS", help="of control (default: 1 ms on the frame, else 5 ms)"
@@ -94,11 +94,11 @@ def add_to(commands: Any) -> None:
     )  # fmt: skip
     p.add_argument("--tune", action="store_true", help="tune the named controllers anew, on loads of their own")
     p.add_argument(
-        "--jobs", type=int, default=-1, help="processes (default: all cores); the answer is the same"
+        "--jobs", type=int, default=-1, metavar="N", help="processes; the answer is the same (default: all cores)"
     )
-    p.add_argument("--json", action="store_true", help="print JSON in place of a table")
+    p.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
     p.add_argument(
-        "-o", "--out", type=OutFolder, help="folder for the page and tables; an interrupted run continues"
+        "-o", "--out", type=OutFolder, help="folder to write; an interrupted run continues"
     )
 
 

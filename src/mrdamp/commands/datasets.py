@@ -23,7 +23,7 @@ def add_to(commands: Any) -> None:
     p.add_argument("name", nargs="?", help="details of this set")
     p.add_argument("--fetch", action="store_true", help="fetch it from its public source, checked by hash")
     p.add_argument("--folder", type=Path, help="folder, in place of MRDAMP_DATA")
-    p.add_argument("--json", action="store_true", help="print as JSON")
+    p.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
 
 
 def run_datasets(a: argparse.Namespace) -> int:

@@ -28,7 +28,8 @@ def add_to(commands: Any) -> None:
         "--jobs",
         type=int,
         default=None,
-        help="workers (default: the machine's cores); the answer is the same",
+        metavar="N",
+        help="processes; the answer is the same (default: all cores)",
     )
 
 

@@ -36,9 +36,9 @@ def add_options(p: argparse.ArgumentParser) -> None:
         "learned:algorithm=ppo,timesteps=200000 (default: %(default)s)",
     )
     p.add_argument("--loads", type=int, default=4, help="unseen motions (default: %(default)s)")
-    p.add_argument("--seed", type=seed, default=1)
+    p.add_argument("--seed", type=seed, default=1, help="of random numbers (default: %(default)s)")
     p.add_argument(
-        "--jobs", type=int, default=2, help="processes; the answer is the same (default: %(default)s)"
+        "--jobs", type=int, default=2, metavar="N", help="processes; the answer is the same (default: %(default)s)"
     )
 
 

@@ -73,19 +73,18 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument(
         "--jobs",
-        "--workers",
-        dest="workers",
+        "--workers", dest="workers",
         type=int,
         default=1,
-        help="processes, for --refit and narx; the answer is the same",
+        metavar="N",
+        help="processes; the answer is the same (default: %(default)s)",
     )
     p.add_argument(
         "--picture",
         type=Picture,
-        help="loops or forces of held-out records, lines of --by-command, a network's choice and pruning (.svg, .png or"
-        " .pdf)",
+        help="held-out records, lines of --by-command, a network's choice and pruning (.svg, .png or .pdf)",
     )
-    p.add_argument("--command-unit", default="A", choices=_UNITS)
+    p.add_argument("--command-unit", default="A", choices=_UNITS, help="of the command (default: %(default)s)")
     add_signals(p)
     p.add_argument("-o", "--out", type=OutFile, required=True, help="model file to write")
     add_json(p)

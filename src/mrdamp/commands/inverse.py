@@ -46,12 +46,13 @@ def add_to(commands: Any) -> None:
     p.add_argument("--band", nargs=2, type=float, default=(0.5, 5.0), metavar=("LOW", "HIGH"),
                    help="its frequencies with --stroke, Hz (default: 0.5 5)")  # fmt: skip
     p.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)s)")
-    p.add_argument("--seed", type=seed, default=0)
-    p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1,
-                   help="processes for the network; the answer is the same")  # fmt: skip
-    p.add_argument("--command-unit", choices=("A", "V"), help="(default: that of a parameter set, else A)")
+    p.add_argument("--seed", type=seed, default=0, help="of random numbers (default: %(default)s)")
+    p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1, metavar="N",
+                   help="processes; the answer is the same (default: %(default)s)")  # fmt: skip
+    p.add_argument("--command-unit", choices=("A", "V"),
+                   help="of the command (default: that of a parameter set, else A)")  # fmt: skip
     p.add_argument("--picture", type=Picture, help="wanted and true force (.svg, .png or .pdf)")
-    p.add_argument("--json", action="store_true", help="print the table as JSON")
+    p.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
     p.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write")
 
 

@@ -31,7 +31,7 @@ def add_records(p: argparse.ArgumentParser, more: str = "") -> None:
         help="the coefficients that follow the command, such as c0 alpha; paper: those of the foam-damper paper"
         " (default: all that can)",
     )
-    p.add_argument("--seed", type=seed, default=0)
+    p.add_argument("--seed", type=seed, default=0, help="of random numbers (default: %(default)s)")
 
 
 def add_json(p: argparse.ArgumentParser) -> None:

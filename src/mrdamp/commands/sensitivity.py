@@ -34,7 +34,9 @@ def add_to(commands: Any) -> None:
         metavar="SHARE",
         help="change of the simulator's residual over the RMS force (default: 0.02 0.05 0.15 0.4)",
     )
-    p.add_argument("--jobs", type=int, default=1, help="diagnoses at a time (default: %(default)s)")
+    p.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="processes; the answer is the same (default: %(default)s)"
+    )
     p.add_argument(
         "--seed", type=seed, default=0, help="of the effects' signs and shapes (default: %(default)s)"
     )

@@ -28,8 +28,9 @@ def add_to(commands: Any) -> None:
         "--network", type=Path, help="model file of a network (default: the paper's 10-4-1 is trained)"
     )
     p.add_argument("--no-network", action="store_true", help="leave the network out")
-    p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1, help="processes for the network")
-    p.add_argument("--starts", type=int, default=4)
+    p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1, metavar="N",
+                   help="processes; the answer is the same (default: %(default)s)")  # fmt: skip
+    p.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
     p.add_argument("--picture", type=Picture, help="loops of all models (.svg, .png or .pdf)")
     p.add_argument(
         "--condition", metavar="RECORD", help="one held-out record, of which one cycle is used, as in the paper"

@@ -57,7 +57,9 @@ def add_to(commands: Any) -> None:
         default=10,
         help="evaluations on validation loads, with checkpoints (default: %(default)s)",
     )
-    p.add_argument("--jobs", type=int, default=1, help="trainings at a time; the numbers are the same")
+    p.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="processes; the answer is the same (default: %(default)s)"
+    )
     p.add_argument(
         "--backend", choices=("loky", "ray"), default="loky",
         help="of --jobs: local processes, or a Ray cluster (extra `cluster`; RAY_ADDRESS: a running one)",
