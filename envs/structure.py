@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from mrdamp.envs.view import View
 
 
-
 @dataclass(frozen=True)
 class Criterion:
     """A part of the score that a policy is trained for: `weight` over the sum of all times a measure, over loads.

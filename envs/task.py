@@ -19,8 +19,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation, Stack
-from mrdamp.envs.options import TaskOptions
-from mrdamp.envs.sensors import Noise
+from mrdamp.envs.options import Noise, TaskOptions
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.weights import Score
 from mrdamp.errors import Diverged, InputError, diverged, nearest, require_kind, require_positive

@@ -17,7 +17,7 @@ import numpy as np
 
 from mrdamp.compare.summary import interval
 from mrdamp.control.policy import Policy
-from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.frame import Frame
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import by_motion, reported_motions
 from mrdamp.errors import InputError

@@ -23,12 +23,11 @@ from mrdamp.compare.cable_bound import cable_bound
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.car_bound import ToCome as CarToCome
 from mrdamp.compare.car_bound import car_bound, weighted_car
-from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
-from mrdamp.envs.cable_rows import CableChain
-from mrdamp.envs.cable_task import Cable
-from mrdamp.envs.car_rows import PERIOD
-from mrdamp.envs.car_task import Car
-from mrdamp.envs.chain_rows import CarChain
+from mrdamp.envs.cable import Cable
+from mrdamp.envs.car import Car
+from mrdamp.envs.frame_rows import PERIOD, CarChain
+from mrdamp.envs.linear_rows import CableChain
+from mrdamp.envs.loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.model import Model
 from mrdamp.simulation.roads import iso8608
 from mrdamp.simulation.rows import ChainRows, Stepping

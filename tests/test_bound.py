@@ -25,8 +25,8 @@ from mrdamp.compare.frame_bound import frame_bound
 from mrdamp.compare.rollouts import Rollouts, sensitivity
 from mrdamp.compare.summary import ratio
 from mrdamp.control.passive import Replay
-from mrdamp.envs.chain_rows import FrameChain
-from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.frame import Frame
+from mrdamp.envs.frame_rows import FrameChain
 from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.rows import Stepping

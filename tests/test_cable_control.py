@@ -19,7 +19,7 @@ from mrdamp.control.clipped_optimal import OptimalForce
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.registry import make
 from mrdamp.control.taut_cable import ControlledCable, semi_active
-from mrdamp.envs.cable_loads import CableLoad
+from mrdamp.envs.loads import CableLoad
 from mrdamp.errors import InputError
 from mrdamp.structures.cables import StayCable
 from mrdamp.structures.taut_cable import TENSION

@@ -32,8 +32,8 @@ from mrdamp.control.car import (
 )
 from mrdamp.control.registry import make
 from mrdamp.envs import Bumps, CarPlant, CarTask, RecordedRoads
-from mrdamp.envs.car_reward import linear_run
-from mrdamp.envs.car_xml import car_xml
+from mrdamp.envs.car import linear_run
+from mrdamp.envs.frame_xml import car_xml
 from mrdamp.simulation.comfort import weighted_rms, wk, wk_sections
 from mrdamp.simulation.roads import CLASSES, Road, bump, iso8608, read_road
 from mrdamp.structures.cars import QuarterCar

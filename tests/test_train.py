@@ -45,7 +45,7 @@ SMALL = (
 @pytest.fixture(autouse=True)
 def few_validation_motions(monkeypatch: pytest.MonkeyPatch) -> None:
     few = loads.validation_motions(1, (0.5, 1.5))
-    monkeypatch.setattr("mrdamp.envs.frame_task.validation_motions", lambda: few)
+    monkeypatch.setattr("mrdamp.envs.frame.validation_motions", lambda: few)
 
 
 def small(seed: int = 0, *overrides: str) -> Options:

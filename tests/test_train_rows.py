@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.observe import Observer
-from mrdamp.envs.cable_loads import AmbientLoads
-from mrdamp.envs.chain_rows import Chained
+from mrdamp.envs.loads import AmbientLoads
+from mrdamp.envs.plants import Chained
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import TrainingRoads, some_motions
 from mrdamp.errors import InputError

@@ -22,7 +22,7 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
-from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.frame import Frame
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.model.core import Array

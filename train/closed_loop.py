@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.compare.rollouts import Slopes, matter
-from mrdamp.envs.frame_task import FrameTask
+from mrdamp.envs.frame import FrameTask
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import HEADER

@@ -13,7 +13,7 @@ from mrdamp.control.clipped_optimal import OptimalForce
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.ground_filter import Ground
 from mrdamp.control.observe import LinearFilter, Observer
-from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.frame import Frame
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 from mrdamp.train.worlds import Stage, World

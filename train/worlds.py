@@ -12,11 +12,11 @@ import numpy as np
 from mrdamp.control.base import Controller
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.observe import Observer
-from mrdamp.envs.cable_task import Cable
-from mrdamp.envs.car_task import Car
-from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.cable import Cable
+from mrdamp.envs.car import Car
+from mrdamp.envs.frame import Frame
 from mrdamp.envs.linear import own_kind
-from mrdamp.envs.plant import RowPlant
+from mrdamp.envs.plant_env import RowPlant
 from mrdamp.envs.randomise import Randomise
 from mrdamp.envs.structure import Criterion, Structure
 from mrdamp.envs.task import Task, divided

@@ -14,9 +14,8 @@ from mrdamp.compare.bench import ELECTRIC, Measure
 from mrdamp.compare.plant_run import PlantBench, PlantRun
 from mrdamp.control.cable import CableSite
 from mrdamp.control.told import knowledge
-from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
-from mrdamp.envs.cable_reward import free_run
-from mrdamp.envs.cable_task import Cable, cable_damper, default_places
+from mrdamp.envs.cable import Cable, cable_damper, default_places, free_run
+from mrdamp.envs.loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
 

@@ -15,8 +15,8 @@ from scipy.signal import cont2discrete
 from mrdamp.compare.beam import judged, search, started
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.cable import CableBench
-from mrdamp.envs.cable_loads import CableLoad
-from mrdamp.envs.cable_rows import CableChain
+from mrdamp.envs.linear_rows import CableChain
+from mrdamp.envs.loads import CableLoad
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import ChainRows
 from mrdamp.structures.cables import StayCable

@@ -17,9 +17,8 @@ from mrdamp.compare.plant_run import PlantBench, PlantRun
 from mrdamp.control.car import CarSite
 from mrdamp.control.registry import largest_force
 from mrdamp.control.told import knowledge
-from mrdamp.envs.car_reward import linear_run
-from mrdamp.envs.car_rows import PERIOD
-from mrdamp.envs.car_task import Car, car_damper
+from mrdamp.envs.car import Car, car_damper, linear_run
+from mrdamp.envs.frame_rows import PERIOD
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.simulation.roads import Road, bump, iso8608, read_road

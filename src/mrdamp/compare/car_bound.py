@@ -13,8 +13,7 @@ from scipy.linalg import expm, solve_discrete_lyapunov
 from mrdamp.compare.beam import Beam, judged, search, started
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.car import CarBench
-from mrdamp.envs.car_rows import PERIOD
-from mrdamp.envs.chain_rows import CarChain
+from mrdamp.envs.frame_rows import PERIOD, CarChain
 from mrdamp.model.core import Array
 from mrdamp.simulation.comfort import STATES, wk_sections
 from mrdamp.simulation.roads import Road

@@ -15,8 +15,7 @@ from mrdamp.compare.motions import unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.base import OWN, Controller, ZeroOrderHold, sensor_name
 from mrdamp.control.told import knowledge
-from mrdamp.envs.frame_task import Frame
-from mrdamp.envs.plant import FramePlant
+from mrdamp.envs.frame import Frame, FramePlant
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, Model
 from mrdamp.motions import TIME_SCALE, GroundMotion

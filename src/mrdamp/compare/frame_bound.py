@@ -14,8 +14,8 @@ from mrdamp.compare.clairvoyant import Path, Peaks, search
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.rollouts import Rollouts
 from mrdamp.control.passive import Replay
-from mrdamp.envs.chain_rows import FrameChain
-from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.frame import Frame
+from mrdamp.envs.frame_rows import FrameChain
 from mrdamp.model import FLOOR_SENSOR_EFFECTS
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion

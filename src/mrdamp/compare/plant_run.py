@@ -11,7 +11,7 @@ import numpy as np
 
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Coil, require_periods
 from mrdamp.control.base import Controller, ZeroOrderHold
-from mrdamp.envs.plant import RowPlant
+from mrdamp.envs.plant_env import RowPlant
 from mrdamp.model.core import Array
 
 #: s. Every run is as long as with control periods of this, so that no controller is judged by motion that another's run
