@@ -20,8 +20,7 @@ import numpy as np
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.clipped_optimal import Lqg
-from mrdamp.control.lqg import first_order_hold
-from mrdamp.control.plant import Linear, outputs_of, plant_of
+from mrdamp.control.lqg import Linear, first_order_hold, outputs_of, plant_of
 from mrdamp.envs.cable_xml import LinearView, linear_xml
 from mrdamp.envs.linear_rows import LinearChain, LinearRows, forces_of
 from mrdamp.envs.loads import MotionSource, drawn, played

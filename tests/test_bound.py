@@ -17,13 +17,12 @@ from mrdamp.commands.compare import add_to
 from mrdamp.compare import Comparison, Contender, FrameBench, compare
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, Measure
-from mrdamp.compare.bound import with_bounds
+from mrdamp.compare.benches import with_bounds
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.clairvoyant import Effort, Peaks, search
+from mrdamp.compare.comparison import ratio
 from mrdamp.compare.frame import run_rows
-from mrdamp.compare.frame_bound import frame_bound
 from mrdamp.compare.rollouts import Rollouts, sensitivity
-from mrdamp.compare.summary import ratio
 from mrdamp.control.passive import Replay
 from mrdamp.envs.frame import Frame
 from mrdamp.envs.frame_rows import FrameChain
@@ -195,15 +194,15 @@ def test_a_start_that_nothing_beats_stays_the_bound(monkeypatch: pytest.MonkeyPa
         raise AssertionError
 
     start = dict.fromkeys(BENCH.bounds, ("force-tracking",))
-    honest = frame_bound(BENCH, start, MOTION, 1.0)
+    honest = BENCH.clairvoyant(start, MOTION, 1.0)
     # A search that returns passive-off, worse than what it began with.
     monkeypatch.setattr(
-        "mrdamp.compare.frame_bound.search",
+        "mrdamp.compare.frame.search",
         lambda rolled, starts, peaks: search(
             rolled, [("off", np.zeros(rolled.periods))], peaks, Effort(most=0)
         ),
     )
-    kept = frame_bound(BENCH, start, MOTION, 1.0)
+    kept = BENCH.clairvoyant(start, MOTION, 1.0)
     own = BENCH.values(BENCH.run("force-tracking", MOTION, 1.0), BENCH.run(UNCONTROLLED, MOTION, 1.0))
     assert kept["clairvoyant-drift"]["values"]["J1"] == own["J1"]
     assert honest["clairvoyant-drift"]["values"]["J1"] < own["J1"]

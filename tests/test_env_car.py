@@ -264,7 +264,7 @@ def test_the_lq_force_is_that_of_riccatis_equation() -> None:
 
 def test_mpc_is_the_discrete_regulator_where_nothing_binds(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("osqp", reason="needs the extra mpc")
-    from mrdamp.control.car_mpc import MpcForce
+    from mrdamp.control.car import MpcForce
 
     a, b, q, s, r = cost(0.3, 0.03, 1e-3)
     both = np.zeros((5, 5))

@@ -19,10 +19,9 @@ from mrdamp.compare.contenders import contenders
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.control.least_command import LeastCommand
-from mrdamp.control.lqg import regulator_gain
+from mrdamp.control.lqg import outputs, plant, regulator_gain
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.plant import outputs, plant
 from mrdamp.control.policy import Policy
 from mrdamp.envs import FrameEnv
 from mrdamp.envs import training_loads as loads

@@ -22,14 +22,12 @@ from mrdamp.control.policy import Policy
 from mrdamp.envs import training_loads as loads
 from mrdamp.model import Effect
 from mrdamp.structures import dyke1996
-from mrdamp.train.evaluate import Judge, episodes, forces
 from mrdamp.train.imitation import imitated
-from mrdamp.train.learn import train
+from mrdamp.train.learn import Left, sweep, train, watched
 from mrdamp.train.run import explored, whitening
 from mrdamp.train.search import EvolutionRun
 from mrdamp.train.settings import Options, settings
-from mrdamp.train.sweep import Left, sweep, watched
-from mrdamp.train.worlds import world
+from mrdamp.train.worlds import Judge, episodes, forces, world
 from refusals import refuses
 
 Array = NDArray[np.float64]

@@ -28,11 +28,11 @@ from mrdamp.envs import training_loads as loads
 from mrdamp.envs.frame import FrameTask
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.train.asymmetric import POLICIES, memory, network
-from mrdamp.train.evaluate import forces
 from mrdamp.train.gradient import GradientRun
 from mrdamp.train.learn import train
 from mrdamp.train.lessons import PolicyAction, Whitened
 from mrdamp.train.settings import Options, settings
+from mrdamp.train.worlds import forces
 from refusals import refuses
 
 PERIOD = 4e-3

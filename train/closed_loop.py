@@ -20,8 +20,7 @@ from mrdamp.envs.frame import FrameTask
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import HEADER
-from mrdamp.train.evaluate import begun
-from mrdamp.train.worlds import World
+from mrdamp.train.worlds import World, begun
 
 Act = Callable[[NDArray[np.float32]], Array]
 

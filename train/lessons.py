@@ -30,8 +30,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
 from mrdamp.model.core import Array
-from mrdamp.train.evaluate import begun, forces
-from mrdamp.train.worlds import World
+from mrdamp.train.worlds import World, begun, forces
 
 Single = NDArray[np.float32]
 

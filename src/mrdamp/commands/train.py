@@ -14,7 +14,7 @@ from mrdamp.commands.output import OutFolder, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
-    from mrdamp.train.sweep import Setting
+    from mrdamp.train.learn import Setting
 
 _ALGORITHMS = ("ppo", "recurrent", "sac", "td3", "a2c", "ddpg", "es", "adjoint")
 _WHOLE = "a learner takes whole generations or rollouts"
@@ -71,8 +71,8 @@ def run_train(a: argparse.Namespace) -> int:
     """Trains, and prints the validation figures of every seed."""
     from mrdamp.files import together
     from mrdamp.train import curves
+    from mrdamp.train.learn import sweep
     from mrdamp.train.settings import Options, settings
-    from mrdamp.train.sweep import sweep
 
     if a.seeds < 1:
         raise InputError("--seeds must be at least 1")

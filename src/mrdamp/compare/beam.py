@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.plant_run import WINDOW, PlantBench
+from mrdamp.compare.bench import UNCONTROLLED, WINDOW, PlantBench
 from mrdamp.control.passive import Replay
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import ChainRows, Stepping

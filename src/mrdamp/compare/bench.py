@@ -1,4 +1,4 @@
-"""What is compared: a structure with its damper and loads; `FrameBench` and `CableBench` are such benches."""
+"""What is compared: a structure with its damper and loads, and one run of a controller on it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from mrdamp import __version__
 from mrdamp.compare import own
 from mrdamp.compare.motions import UNSEEN_AMPLITUDES, read_motions
 from mrdamp.control import registry
-from mrdamp.control.base import Controller
+from mrdamp.control.base import Controller, ZeroOrderHold
+from mrdamp.envs.plant_env import RowPlant
 from mrdamp.envs.plants import of_engine
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, task_of
@@ -189,6 +190,15 @@ class Bench(ABC):
         """A search runs every so many-th of the tuning loads, its last choice all or a quarter of them; and how many
         control periods a search may take."""
 
+    def clairvoyant(self, starts: Mapping[str, Sequence[str]], load: Any, amplitude: float) -> dict[str, Any]:
+        """Searches for `bounds`, where there are any: on the chain, then in the bench's own engine.
+
+        starts: bound -> specs of controllers, the best first; the best one takes the place of a found run that is
+        worse. The answer, for JSON: bound -> `values`, as of a run, and `paths`, one a start: its name (`start`), what
+        was made small after every step of the search (`values`), and why it `ended`.
+        """
+        raise NotImplementedError
+
     @abstractmethod
     def unseen_loads(self) -> Sequence[Any]:
         """Loads of the evaluation, that no controller is tuned or trained on."""
@@ -301,3 +311,84 @@ class Bench(ABC):
         forces = self.forces(load)
         sizes = load.duration, np.abs(forces).max(), np.sqrt(np.mean(forces * forces))
         return [load.name, forces.shape, *(f"{x:.6g}" for x in sizes)]
+
+
+#: s. Every run is as long as with control periods of this, so that no controller is judged by motion that another's run
+#: is too short for; a period that is no multiple of it is stepped in parts of at most _PART.
+WINDOW = 5e-3
+_PART = 1e-3
+
+
+@dataclass(frozen=True)
+class PlantRun:
+    """Samples every `period` (s): results of the rows for each period (n, columns), at its end command and current (A
+    or V), force (N) and stroke (m), (n,) each."""
+
+    period: float
+    of_period: Array
+    command: Array
+    current: Array
+    force: Array
+    stroke: Array
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return self.period * len(self.command)
+
+    def electric(self, unit: str, command_max: float) -> dict[str, Any]:
+        """`ELECTRIC` by key."""
+        way = float(np.abs(np.diff(self.command)).sum())
+        return {
+            "mean_command": float(np.abs(self.command).mean()),
+            "rms_command": float(np.sqrt(np.mean(self.command**2))),
+            "switching_rate": way / command_max / self.duration,
+            **Coil.of(unit).use(
+                float(np.abs(self.current).mean()), float(np.mean(self.current**2)), self.duration
+            ),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantBench(Bench):
+    """Base of benches whose runs are those of a `RowPlant`."""
+
+    command_unit: str = "V"
+    period: float = 5e-3
+    timestep: float = 5e-4
+    engine: str = "mujoco"
+
+    def run(self, spec: str, load: Any, amplitude: float) -> dict[str, Any]:
+        if spec == UNCONTROLLED:
+            return self.uncontrolled(load.scaled(amplitude))
+        return self.driven(self.controller(spec), load, amplitude)
+
+    @abstractmethod
+    def uncontrolled(self, load: Any) -> dict[str, Any]:
+        """What is kept of the run that ratios are over."""
+
+    @abstractmethod
+    def kept(self, run: PlantRun) -> dict[str, Any]:
+        """What is kept of a controller's run, besides `PlantRun.electric`."""
+
+    def driven(self, controller: Controller, load: Any, amplitude: float) -> dict[str, Any]:
+        """What is kept of a controller's run. Raises InputError."""
+        scaled, every = load.scaled(amplitude), round(controller.period / WINDOW)
+        if every < 1 or abs(every * WINDOW - controller.period) > 1e-9 * WINDOW:
+            every = math.ceil(controller.period / _PART - 1e-9)
+        period = controller.period / every
+        for each in (controller.period, period):
+            require_periods(scaled, each)
+        plant = RowPlant(self.structure, period=period, timestep=self.timestep, engine=self.engine)
+        sampled, measured = ZeroOrderHold(controller, every), self.measured
+        plant.rows.window = WINDOW
+        sampled.reset()
+        y, rows, said = plant.reset(scaled), [], []
+        while not plant.finished:
+            # In a copy of its own.
+            command = sampled.command(plant.time, {name: y[name] for name in measured})
+            y = plant.step(command)
+            rows.append((command, y["current"], y["true_force"], y["stroke"]))
+            said.append(tuple(plant.of_period))
+        run = PlantRun(period, np.array(said), *np.array(rows).T)
+        return {**self.kept(run), **run.electric(self.command_unit, self.site.command_max)}

@@ -13,8 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, Measure
-from mrdamp.compare.plant_run import WINDOW, PlantBench, PlantRun
+from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, WINDOW, Measure, PlantBench, PlantRun
 from mrdamp.control import registry
 from mrdamp.control.told import knowledge
 from mrdamp.envs.linear import LinearStructure

@@ -21,7 +21,7 @@ import numpy as np
 
 from mrdamp.control import registry
 from mrdamp.control.clipped_optimal import Lqg
-from mrdamp.control.plant import Linear, Plant, outputs_of, plant_of
+from mrdamp.control.lqg import Linear, Plant, outputs_of, plant_of
 from mrdamp.model import Model
 from mrdamp.structures import FloatArray
 from mrdamp.structures.cables import StayCable

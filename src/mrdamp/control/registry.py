@@ -17,13 +17,14 @@ from mrdamp.control.clipped_optimal import (
     clipped_optimal,
     force_tracking,
     ideal_active,
+    lyapunov,
+    max_dissipation,
     modulated_optimal,
 )
+from mrdamp.control.force_control import skyhook
 from mrdamp.control.least_command import AtLeast, LeastCommand
-from mrdamp.control.lyapunov import lyapunov, max_dissipation
+from mrdamp.control.lqg import Linear, linear
 from mrdamp.control.passive import Constant, passive_off, passive_on
-from mrdamp.control.plant import Linear, linear
-from mrdamp.control.skyhook import skyhook
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.structures import ShearFrame
