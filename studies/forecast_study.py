@@ -21,7 +21,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mrdamp.commands.output import progress_bar
+from mrdamp.commands import progress_bar
 from mrdamp.compare.comparison import interval
 from mrdamp.envs.training_loads import by_motion, reported_motions
 from mrdamp.errors import InputError

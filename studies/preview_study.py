@@ -22,7 +22,7 @@ from typing import Any, Unpack
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamp.commands.output import progress_bar, save_picture
+from mrdamp.commands import progress_bar, save_picture
 from mrdamp.compare import tuning
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.benches import with_bounds

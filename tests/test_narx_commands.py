@@ -15,8 +15,8 @@ from command_call import caller
 from mrdamp.commands.identify import add_to
 from mrdamp.model import Model
 from mrdamp.narx import splits
-from mrdamp.narx.checkpoint import Checkpoint
 from mrdamp.narx.network import Network
+from mrdamp.narx.train import Checkpoint
 from mrdamp.records import Record, RecordSet, embedded
 from mrdamp.simulation.stepping import drive_rig
 from narx_data import made, motion, recursion, small

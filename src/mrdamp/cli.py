@@ -12,25 +12,23 @@ from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import (
+    OutFile,
+    OutFolder,
     Run,
     add_command,
     calibrate,
-    case,
     citation,
     completion,
-    convert,
-    datasets,
-    diagnose,
-    gap,
+    diagnosis,
     inverse,
     named_model,
-    sensitivity,
+    progress_bar,
+    records,
     table1,
 )
 from mrdamp.commands import compare as comparing
 from mrdamp.commands import identify as identification
 from mrdamp.commands import train as training
-from mrdamp.commands.output import OutFile, OutFolder, progress_bar
 from mrdamp.errors import EngineError, InputError, first_line
 from mrdamp.interrupts import unguard
 from mrdamp.outside import NAMED
@@ -106,10 +104,7 @@ def build_parser() -> argparse.ArgumentParser:
     identification.add_to(commands)
     table1.add_to(commands)
     calibrate.add_to(commands)
-    case.add_to(commands)
-    diagnose.add_to(commands)
-    sensitivity.add_to(commands)
-    gap.add_to(commands)
+    diagnosis.add_to(commands)
     inverse.add_to(commands)
     comparing.add_to(commands)
     training.add_to(commands)
@@ -140,8 +135,7 @@ def build_parser() -> argparse.ArgumentParser:
     sets.add_argument("--json", action="store_true", help="print the list as JSON")
     sets.add_argument("--include", action="store_true", help="print the path of the set's MJCF, for <include>")
 
-    convert.add_to(commands)
-    datasets.add_to(commands)
+    records.add_to(commands)
     citation.add_to(commands)
     plugin_path = add("plugin-path", _plugin_path, "print where the plugin library lies", "mrdamp plugin-path")
     plugin_path.add_argument("--include", action="store_true", help="print the folder of mrdamp.h, the C interface")

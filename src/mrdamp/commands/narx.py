@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrdamp.commands import OutFile, save_picture
 from mrdamp.commands.identify_json import of_network
-from mrdamp.commands.output import OutFile, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import add_command
-from mrdamp.commands.output import OutFolder, progress_bar, save_picture
+from mrdamp.commands import OutFolder, add_command, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:

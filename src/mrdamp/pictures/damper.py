@@ -14,40 +14,38 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mrdamp.errors import InputError
-from mrdamp.pictures.series import (
-    BINS,
-    Array,
-    busiest,
-    check_series,
-    finite,
-    force_unit,
-    length_unit,
-    outline,
-    padded,
-    peak,
-    staircase,
-    thinned,
-    velocity_unit,
-)  # fmt: skip
 from mrdamp.pictures.style import (
+    BINS,
     COLOURS,
     DASHES,
     INK,
     MUTED,
     REFERENCE,
     SIMULATED,
+    Array,
     axes_grid,
+    busiest,
+    check_series,
     column,
     elide,
     figure,
+    finite,
+    force_unit,
     legend,
+    length_unit,
     line_legend,
+    outline,
+    padded,
+    peak,
     require_some,
     row_title,
     short,
+    staircase,
     styled,
+    thinned,
     ticks,
-)  # fmt: skip
+    velocity_unit,
+)  # fmt: skip  # fmt: skip
 
 if TYPE_CHECKING:
     from mrdamp.inverse.tracking import Track

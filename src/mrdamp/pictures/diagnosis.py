@@ -13,31 +13,29 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Patch
 
 from mrdamp.errors import InputError
-from mrdamp.pictures.series import (
-    BINS,
-    Array,
-    busiest,
-    check_series,
-    force_unit,
-    length_unit,
-    outline,
-    thinned,
-    velocity_unit,
-)
 from mrdamp.pictures.style import (
+    BINS,
     COLOURS,
     GRID,
     INK,
     MUTED,
     REFERENCE,
+    Array,
     axes_grid,
+    busiest,
+    check_series,
     elide,
     figure,
+    force_unit,
     legend,
+    length_unit,
     line_legend,
+    outline,
     require_some,
     styled,
+    thinned,
     ticks,
+    velocity_unit,
 )
 
 #: The measurement is grey, as what others are compared with always is.

@@ -10,32 +10,30 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mrdamp.errors import InputError
-from mrdamp.pictures.series import (
-    Array,
-    busiest,
-    finite,
-    force_unit,
-    length_unit,
-    padded,
-    thinned,
-    velocity_unit,
-)  # fmt: skip
 from mrdamp.pictures.style import (
     COLOURS,
     DASHES,
     INK,
     MARKERS,
     MUTED,
+    Array,
     axes_grid,
+    busiest,
     column,
     figure,
+    finite,
+    force_unit,
     legend,
+    length_unit,
     line_legend,
+    padded,
     require_some,
     row_title,
     styled,
+    thinned,
     ticks,
-)  # fmt: skip
+    velocity_unit,
+)  # fmt: skip  # fmt: skip
 
 
 @styled

@@ -10,23 +10,33 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from mrdamp.errors import InputError
-from mrdamp.pictures import series
 from mrdamp.pictures.style import (
     DASHES,
     INK,
     MARKERS,
     MUTED,
+    Array,
     axes_grid,
+    busiest,
     colours,
     column,
     elide,
     figure,
+    finite,
+    force_unit,
+    length_unit,
     line_legend,
     name_rows,
+    outline,
+    padded,
+    peak,
     require_some,
     short,
+    staircase,
     styled,
+    thinned,
     ticks,
+    time_axis,
 )  # fmt: skip
 from mrdamp.simulation.criteria import Criteria
 
@@ -38,22 +48,22 @@ def drifts(time: ArrayLike, drift: Mapping[str, ArrayLike], periods: float = 12.
     time (n,) s; drift: controller -> (n, N) m. On top the whole motion of the storey that drifts most;
     below it every storey, the top one first, over so many mean periods where the first drifts most.
     """
-    t = series.time_axis("time", time)
+    t = time_axis("time", time)
     runs = _runs("drifts", t, drift)
     names = list(runs)
     reference = runs[names[0]]
     storeys = reference.shape[1]
     worst = int(np.argmax(np.abs(reference).max(axis=0)))
-    scale, unit = series.length_unit(*runs.values())
-    window = series.busiest(t, reference[:, worst], periods)
-    part = series.thinned(window, 3000)
+    scale, unit = length_unit(*runs.values())
+    window = busiest(t, reference[:, worst], periods)
+    part = thinned(window, 3000)
     colour = colours(names)
     high = 1.05 if storeys <= 4 else 0.8
     fig = figure(0.6 + 1.25 + high * storeys)
     axes = column(fig, storeys + 1, height_ratios=[1.1, *[high] * storeys])
     top = axes[0]
     for name, run in runs.items():
-        top.plot(*series.outline(t, scale * run[:, worst], 500), color=colour[name], linewidth=0.8)
+        top.plot(*outline(t, scale * run[:, worst], 500), color=colour[name], linewidth=0.8)
     ends = t[window.start], t[window.stop - 1]
     top.axvspan(*ends, facecolor="none", edgecolor=INK, linewidth=0.8, linestyle=(0, (3, 2)))
     top.set_xlim(t[0], t[-1])
@@ -82,7 +92,7 @@ def controllers(criteria: Mapping[str, Criteria], command_unit: str = "A") -> Fi
     names, base = _reference("controllers", criteria)
     ratios = {name: c.relative_to(base) for name, c in criteria.items()}
     forces = np.array([criteria[name].peak_force for name in names])
-    scale, unit = series.force_unit(forces)
+    scale, unit = force_unit(forces)
     panels = (
         ("peak drift", "over uncontrolled", [ratios[n].j1 for n in names]),
         ("peak acceleration", "over uncontrolled", [ratios[n].j2 for n in names]),
@@ -121,7 +131,7 @@ def profile(criteria: Mapping[str, Criteria], ground_peak: float | None = None) 
         if len(criteria[name].peak_drift) != storeys:
             other = len(criteria[name].peak_drift)
             raise InputError(f"picture: {name} has {other} storeys and {names[0]} has {storeys}")
-    scale, unit = series.length_unit(*(c.peak_drift for c in criteria.values()))
+    scale, unit = length_unit(*(c.peak_drift for c in criteria.values()))
     colour = colours(names)
     fig = figure(1.35 + (0.62 if storeys < 5 else 0.34) * max(storeys, 2))
     [[left, right]] = axes_grid(fig, 1, 2, sharey=True)
@@ -161,17 +171,17 @@ def command_history(
     (n,) N, the same controllers. order: the controllers of the other pictures, so that each has one colour in
     all of them; None: these, after an uncontrolled frame.
     """
-    t = series.time_axis("time", time)
-    commands = {name: series.finite(f"{name}: command", values, t.shape) for name, values in command.items()}
+    t = time_axis("time", time)
+    commands = {name: finite(f"{name}: command", values, t.shape) for name, values in command.items()}
     if not commands or set(force) != set(commands):
         raise InputError(f"picture: commands of {list(command)} and forces of {list(force)}; name the same")
-    forces = {name: series.finite(f"{name}: force", force[name], t.shape) for name in commands}
+    forces = {name: finite(f"{name}: force", force[name], t.shape) for name in commands}
     names = list(commands)
-    window = series.busiest(t, forces[names[-1]], periods)
-    part = series.thinned(window, 4000)
-    scale, unit = series.force_unit(*forces.values())
-    most = series.peak(*commands.values()) or 1.0
-    largest = series.padded(-series.peak(*forces.values()), series.peak(*forces.values()))
+    window = busiest(t, forces[names[-1]], periods)
+    part = thinned(window, 4000)
+    scale, unit = force_unit(*forces.values())
+    most = peak(*commands.values()) or 1.0
+    largest = padded(-peak(*forces.values()), peak(*forces.values()))
     colour = colours(["uncontrolled", *names]) | colours(order or [])
     fig = figure(0.45 + 1.85 * len(names))
     axes = column(fig, 2 * len(names), sharex=True, height_ratios=[2, 1] * len(names))
@@ -181,7 +191,7 @@ def command_history(
         above.set_ylim(scale * largest[0], scale * largest[1])
         above.set_ylabel(f"force, {unit}")
         above.set_title(elide(name, 318, 9.5, "bold"))
-        switched, level = series.staircase(t[window], commands[name][window])
+        switched, level = staircase(t[window], commands[name][window])
         below.fill_between(switched, level, step="post", color=colour[name], alpha=0.35, linewidth=0)
         below.plot(switched, level, drawstyle="steps-post", color=colour[name], linewidth=1.0)
         below.set_ylim(min(0.0, float(commands[name].min())) - 0.08 * most, 1.12 * most)
@@ -193,13 +203,13 @@ def command_history(
     return fig
 
 
-def _runs(what: str, time: series.Array, drift: Mapping[str, ArrayLike]) -> dict[str, series.Array]:
+def _runs(what: str, time: Array, drift: Mapping[str, ArrayLike]) -> dict[str, Array]:
     runs = {name: np.asarray(values, dtype=np.float64) for name, values in drift.items()}
     require_some(what, runs, "controller")
     first = next(iter(runs.values()))
     storeys = first.shape[1] if first.ndim == 2 else 0
     shape = len(time), max(storeys, 1)
-    return {name: series.finite(f"{name}: drift", values, shape) for name, values in runs.items()}
+    return {name: finite(f"{name}: drift", values, shape) for name, values in runs.items()}
 
 
 def _look(k: int, name: str, colour: Mapping[str, str]) -> dict[str, Any]:
