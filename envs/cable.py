@@ -21,7 +21,7 @@ from mrdamp.envs.linear_rows import CableChain, CableRows
 from mrdamp.envs.loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plant_env import PlantEnv, RowPlant
-from mrdamp.envs.structure import Criterion, Structure
+from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import CableLoads, validation_loads
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
@@ -111,8 +111,7 @@ _LARGE = 0.002  # of the length: motion at mid-span that the scales of the obser
 
 def cable_damper() -> Model:
     """A small shear-mode damper that fits the laboratory cable: 4 to 21 N at 0.6 to 4 V (Zapateiro et al. 2010)."""
-    found = sets.load("zapateiro_foam_bouc_wen")
-    return Model(found.law, dict(found.parameters), name=found.id)
+    return sets.load("zapateiro_foam_bouc_wen").model()
 
 
 def default_places(cable: StayCable) -> tuple[float, ...]:
@@ -199,8 +198,8 @@ class Cable(Structure):
         return self.cable.first
 
     @classmethod
-    def criteria(cls, **scored: float) -> tuple[Criterion, ...]:
-        return (Criterion("motion_ratio", 1.0, 0, 0.5),)
+    def criteria(cls, **scored: float) -> Mapping[str, float]:
+        return {"motion_ratio": 1.0}
 
     def training(self) -> CableLoads:
         return CableLoads()
@@ -369,10 +368,6 @@ class CableEnv(PlantEnv):
 
     At the default step every signal is within 2 % of that of a tenth of it under commands that switch
     (docs/convergence.md).
-
-    ## Version History
-
-    * v0: first version
     """
 
     kind = Cable

@@ -20,12 +20,12 @@ from mrdamp.envs.frame_xml import CarView, car_xml, frame_models
 from mrdamp.envs.loads import IsoRoads, RoadSource
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plant_env import PlantEnv, RowPlant
-from mrdamp.envs.structure import Criterion, Structure, largest_force
+from mrdamp.envs.structure import Structure, largest_force
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import TrainingRoads, validation_roads
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError, require_kind
-from mrdamp.model import Model, effects_from
+from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.simulation.comfort import wk
 from mrdamp.simulation.mjcf import SIGNALS
@@ -121,9 +121,8 @@ def car_damper() -> Model:
 
     Without the preload of its accumulator, 21 N, which is part of what carries the body at rest.
     """
-    found = sets.load("lai_liao2002_rd1005")
-    effects = effects_from({k: v for k, v in found.attributes().items() if k not in found.parameters})
-    return Model(found.law, {**found.parameters, "x0": 0.0}, effects, name=found.id)
+    found = sets.load("lai_liao2002_rd1005").model()
+    return replace(found, parameters={**found.parameters, "x0": 0.0})
 
 
 @dataclass(frozen=True)
@@ -181,9 +180,8 @@ class Car(Structure):
         return self.car.bounce
 
     @classmethod
-    def criteria(cls, **scored: float) -> tuple[Criterion, ...]:
-        holding = scored["holding"]
-        return Criterion("comfort_ratio", 1.0 - holding, 0, 0.5), Criterion("load_ratio", holding, 1, 0.5)
+    def criteria(cls, **scored: float) -> Mapping[str, float]:
+        return {"comfort_ratio": 1.0 - scored["holding"], "load_ratio": scored["holding"]}
 
     def training(self) -> TrainingRoads:
         return TrainingRoads()
@@ -348,10 +346,6 @@ class CarEnv(PlantEnv):
     | `reward` | `CarReward`, mapping | `CarReward()` | weights of the parts, exponent |
     | `timestep` | s | 0.0005, chain: 0.001 | the largest of the engine, 0.002 at most |
     | `camera` | str | corner | `front`, `corner`, `damper` |
-
-    ## Version History
-
-    * v0: first version
     """
 
     kind = Car

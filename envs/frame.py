@@ -18,12 +18,12 @@ from mrdamp.envs.frame_rows import FrameChain, FrameRows
 from mrdamp.envs.frame_xml import FrameView, Position, frame_models, frame_xml
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut, played
 from mrdamp.envs.plant_env import PlantEnv, RowPlant
-from mrdamp.envs.structure import Criterion, Structure, largest_force
+from mrdamp.envs.structure import Structure, largest_force
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import some_motions, training_motions, validation_motions
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError, require_kind, require_one_of, require_positive
-from mrdamp.model import Model, core, effects_from
+from mrdamp.model import Model, core
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
 from mrdamp.simulation.mjcf import SIGNALS
@@ -114,9 +114,7 @@ def reference_run(
 
 def default_damper() -> Model:
     """The damper of Dyke, Spencer, Sain and Carlson 1996: modified Bouc-Wen, 3 kN, 0 to 2.25 V, driver lag."""
-    found = sets.load("dyke1996_3kN")
-    effects = effects_from({k: v for k, v in found.attributes().items() if k not in found.parameters})
-    return Model(found.law, dict(found.parameters), effects, name=found.id)
+    return sets.load("dyke1996_3kN").model()
 
 
 #: RMS over the scales under the default loads and commands that change evenly between none and the largest.
@@ -201,8 +199,8 @@ class Frame(Structure):
         return 2 * math.pi * float(self.frame.frequencies[0])
 
     @classmethod
-    def criteria(cls, **scored: float) -> tuple[Criterion, ...]:
-        return Criterion("drift_ratio", 1.0, 0), Criterion("acceleration_ratio", scored["weight"], 1)
+    def criteria(cls, **scored: float) -> Mapping[str, float]:
+        return {"drift_ratio": 1.0, "acceleration_ratio": scored["weight"]}
 
     def training(self) -> MotionSource:
         return training_motions()
@@ -391,10 +389,6 @@ class FrameEnv(PlantEnv):
     | `timestep` | s | 0.0005 | the largest of the engine |
     | `duration` | s | the motion's | cuts long motions |
     | `camera` | str | corner | `front`, `corner`, `damper` |
-
-    ## Version History
-
-    * v0: first version
     """
 
     kind = Frame

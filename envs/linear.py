@@ -26,7 +26,7 @@ from mrdamp.envs.linear_rows import LinearChain, LinearRows, forces_of
 from mrdamp.envs.loads import MotionSource, drawn, played
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plants import periods
-from mrdamp.envs.structure import Criterion, Structure, largest_force
+from mrdamp.envs.structure import Structure, largest_force
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
@@ -281,11 +281,8 @@ class LinearStructure(Structure, metaclass=_Kind):
         return [*(self.signals or default), *(["current"] if full_state else []), "stroke", "force"], scale
 
     @classmethod
-    def criteria(cls, **scored: float) -> tuple[Criterion, ...]:
-        return tuple(
-            Criterion(f"{name}_ratio", goal.weight, cls.column(goal), 0.5 if goal.how == "rms" else 1.0)
-            for name, goal in cls.goals.items()
-        )
+    def criteria(cls, **scored: float) -> Mapping[str, float]:
+        return {f"{name}_ratio": goal.weight for name, goal in cls.goals.items()}
 
     def some(self, rng: np.random.Generator, count: int, spread: float = 0.0) -> list[Any]:
         source = self.training()

@@ -20,7 +20,7 @@ from mrdamp.envs.frame import Frame
 from mrdamp.envs.linear import own_kind
 from mrdamp.envs.plant_env import RowPlant
 from mrdamp.envs.randomise import Randomise
-from mrdamp.envs.structure import Criterion, Structure
+from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, divided
 from mrdamp.envs.weights import OF_DAMPERS
 from mrdamp.errors import InputError
@@ -48,24 +48,27 @@ class World:
     scored: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def criteria(self) -> tuple[Criterion, ...]:
-        """What the score is made of."""
+    def criteria(self) -> Mapping[str, float]:
+        """What the score is made of: weights of the measures."""
         return self.kind.criteria(**{**self.kind.scored, **self.scored})
 
     @property
     def measures(self) -> tuple[str, ...]:
         """The fields of `info` that are kept of an episode."""
-        return (*(c.measure for c in self.criteria), "mean_current")
+        return (*self.criteria, "mean_current")
 
     @property
     def shares(self) -> Array:
         """(criteria,) of the score."""
-        weights = np.array([c.weight for c in self.criteria])
+        weights = np.array(list(self.criteria.values()))
         return np.asarray(weights / weights.sum())
 
     def sizes_of(self, period: Array) -> Array:
-        """(n, criteria) from what happened in a control period, (n, ...)."""
-        return np.stack([period[:, c.column] ** c.power for c in self.criteria], axis=1)
+        """(n, criteria) from what happened in a control period, (n, ...). A measure is nearly the mean over time of
+        sizes^exponent to the power of 1/exponent: a peak for large exponents."""
+        totals = {total.name: total for total in self.kind.weights.totals}
+        used = [totals[name] for name in self.criteria]
+        return np.stack([period[:, t.column] ** (0.5 if t.how == "rms" else 1.0) for t in used], axis=1)
 
     @staticmethod
     def current_of(period: Array) -> Array:
@@ -132,7 +135,7 @@ class World:
 
     def score(self, means: Mapping[str, float]) -> float:
         """Of the means of the measures over the validation loads; smaller is better."""
-        return sum(c.weight * means[c.measure] for c in self.criteria) / sum(c.weight for c in self.criteria)
+        return sum(weight * means[name] for name, weight in self.criteria.items()) / sum(self.criteria.values())
 
 
 WORLDS: Mapping[str, type[Structure]] = {

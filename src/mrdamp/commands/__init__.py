@@ -58,11 +58,10 @@ def _described(p: argparse.ArgumentParser, run: Run, text: str, example: str) ->
 def named_model(text: str) -> Model:
     """A model file, or a parameter set by its name. Raises InputError."""
     from mrdamp import sets
-    from mrdamp.model import Model, effects_from
+    from mrdamp.model import Model
 
     if not Path(text).exists() and text in sets.names():
-        found = sets.load(text)
-        return Model(found.law, dict(found.parameters), effects_from(found.attributes()), name=text)
+        return sets.load(text).model()
     return Model.read(text)
 
 
