@@ -13,10 +13,9 @@ import numpy as np
 
 from mrdamp.control.observe import Observer
 from mrdamp.envs.loads import Range
-from mrdamp.envs.plants import of_engine
 from mrdamp.envs.randomise import DrawnRows
 from mrdamp.envs.structure import Structure
-from mrdamp.errors import InputError, require_kind, require_period
+from mrdamp.errors import InputError, require_kind, require_one_of, require_period
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import Stepping
@@ -74,7 +73,8 @@ class RowOptions:
     def rows(self, structure: Structure, n: int = 1) -> Any:
         """n rows of a structure on the engine. Raises InputError."""
         require_period("control", self.period)
-        kind, step = of_engine(structure.engines, self.engine)
+        require_one_of("", structure.engines, engine=self.engine)
+        kind, step = structure.engines[self.engine]
         timestep = step if self.timestep is None else self.timestep
         largest = command_range(structure.models, self.command_max)
         return kind(structure, Stepping(self.period, timestep, largest, n, self.threads))

@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import mujoco
 import mujoco.batch
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.base import sensor_name
-from mrdamp.errors import InputError, diverged, require_one_of
+from mrdamp.errors import InputError, diverged
 from mrdamp.model.core import Array
 from mrdamp.simulation.mjcf import SIGNALS, actuator_name
 from mrdamp.simulation.rows import ChainRows, Stepping, finite, require_finite
@@ -184,7 +184,6 @@ class Plants:
         self._last[row], self._sample_time[row], self._steps[row] = len(load) - 1, sample_time, steps
 
 
-Entry = TypeVar("Entry")
 
 
 class EngineRows(ABC):
@@ -381,9 +380,3 @@ def work(pull: Array, velocity: Array, after: Array, timestep: float) -> Array:
     both[:, -1] += after
     both *= pull
     return np.asarray(-0.5 * timestep * np.add.reduce(both.reshape(len(both), -1), axis=1))
-
-
-def of_engine(engines: Mapping[str, Entry], engine: str) -> Entry:
-    """Entry of an engine's name. Raises InputError."""
-    require_one_of("", engines, engine=engine)
-    return engines[engine]

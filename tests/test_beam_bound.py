@@ -13,7 +13,7 @@ import pytest
 from scipy.signal import cont2discrete, dlsim
 
 from mrdamp.compare import Comparison, Contender, compare
-from mrdamp.compare.beam import Beam, search
+from mrdamp.compare.beam import search
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.benches import with_bounds
 from mrdamp.compare.cable import CableBench
@@ -129,7 +129,7 @@ def test_a_wide_beam_tries_every_command() -> None:
         made.state[:] = state
         return made
 
-    found = search(make, 6, levels, cost, nothing, Beam((1, 64)))
+    found = search(make, 6, levels, cost, nothing, (1, 64))
     every = make(64)
     total = np.zeros(64)
     for k in range(6):
@@ -233,7 +233,7 @@ def test_a_start_that_nothing_beats_stays_the_bound(plant: Plant, monkeypatch: p
     """A beam of one that takes one command throughout."""
 
     def poor(make: Any, periods: int, levels: np.ndarray, cost: Any, to_come: Any, *_: Any) -> Any:
-        return search(make, periods, levels[[plant.worst]], cost, to_come, Beam((1,)))
+        return search(make, periods, levels[[plant.worst]], cost, to_come, (1,))
 
     monkeypatch.setattr(f"{type(plant.bench).__module__}.search", poor)
     start, load = plant.starts[0], plant.loads[0]

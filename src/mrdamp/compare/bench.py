@@ -20,10 +20,9 @@ from mrdamp.compare.motions import UNSEEN_AMPLITUDES, read_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller, ZeroOrderHold
 from mrdamp.envs.plant_env import RowPlant
-from mrdamp.envs.plants import of_engine
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, task_of
-from mrdamp.errors import InputError, require_period, require_positive
+from mrdamp.errors import InputError, require_one_of, require_period, require_positive
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -85,29 +84,15 @@ ELECTRIC: tuple[Measure, ...] = (
 )
 
 
-@dataclass(frozen=True)
-class Coil:
-    """What the command's power goes into. resistance: ohm; amperes: of coil current per unit of the command.
+def coil(command_unit: str, mean: float, mean_square: float, duration: float) -> dict[str, float]:
+    """mean_current and rms_current, A, and coil_energy, J in 5 ohm, from the current in units of the command.
 
-    Defaults: 5 ohm; a command in V is that of the current driver of Spencer, Dyke, Sain and Carlson 1997
+    A command in V is that of the current driver of Spencer, Dyke, Sain and Carlson 1997
     (doi 10.1061/(ASCE)0733-9399(1997)123:3(230)), 1 A at 3 V, and one in A is the current itself.
     """
-
-    resistance: float = 5.0
-    amperes: float = 1.0
-
-    @classmethod
-    def of(cls, command_unit: str) -> Coil:
-        return cls(amperes=1 / 3 if command_unit == "V" else 1.0)
-
-    def use(self, mean: float, mean_square: float, duration: float) -> dict[str, float]:
-        """mean_current and rms_current, A, and coil_energy, J, from the current in units of the command."""
-        square = self.amperes**2 * mean_square
-        return {
-            "mean_current": self.amperes * mean,
-            "rms_current": math.sqrt(square),
-            "coil_energy": self.resistance * square * duration,
-        }
+    amperes = 1 / 3 if command_unit == "V" else 1.0
+    square = amperes**2 * mean_square
+    return {"mean_current": amperes * mean, "rms_current": math.sqrt(square), "coil_energy": 5.0 * square * duration}
 
 
 _MOST = 10_000_000  # periods of a run: results of more may not fit into memory
@@ -165,7 +150,7 @@ class Bench(ABC):
     def __post_init__(self) -> None:
         require_period("compare", self.period)
         require_positive("compare", timestep=self.timestep)
-        of_engine(self.structure.engines, self.engine)
+        require_one_of("", self.structure.engines, engine=self.engine)
 
     @property
     @abstractmethod
@@ -343,9 +328,7 @@ class PlantRun:
             "mean_command": float(np.abs(self.command).mean()),
             "rms_command": float(np.sqrt(np.mean(self.command**2))),
             "switching_rate": way / command_max / self.duration,
-            **Coil.of(unit).use(
-                float(np.abs(self.current).mean()), float(np.mean(self.current**2)), self.duration
-            ),
+            **coil(unit, float(np.abs(self.current).mean()), float(np.mean(self.current**2)), self.duration),
         }
 
 

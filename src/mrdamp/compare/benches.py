@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Unpack
 import numpy as np
 
 from mrdamp.compare import clairvoyant
-from mrdamp.compare.beam import Beam
+from mrdamp.compare.beam import WIDTHS
 from mrdamp.compare.bench import Bench, Load, digest
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.car import CarBench
@@ -49,7 +49,7 @@ class Case:
             name: [self.bench.key(spec, self.load, self.amplitude) for spec in some]
             for name, some in self.starts.items()
         }
-        effort = {**vars(clairvoyant.Effort()), **vars(Beam())}
+        effort = {**vars(clairvoyant.Effort()), "widths": WIDTHS}
         return hashlib.sha256(json.dumps([_VERSION, effort, specs]).encode()).hexdigest()[:32]
 
     def run(self) -> dict[str, Any]:

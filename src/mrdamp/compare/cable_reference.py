@@ -89,14 +89,12 @@ def semi_active(
     duration: float = 300.0,
     runs: int = 32,
     seed: int = 0,
-    locking: bool = False,
 ) -> tuple[float, float]:
     """J and RMS force of an ideal semi-active damper: F = -gain s where that takes energy out, else none.
 
     The states are known. period: of control, the force is held over it (the fundamental's period is 2 pi); cable and
-    noise in between are stepped exactly. duration: of each of `runs` runs, the first tenth left out. locking: a force
-    that would turn the damper's velocity round within a period is cut to what stops it, which is the limit that
-    shorter and shorter periods tend to; without it the force continues to the period's end and adds energy.
+    noise in between are stepped exactly. duration: of each of `runs` runs, the first tenth left out. A
+    force that turns the damper's velocity round within a period continues to the period's end and adds energy.
     """
     p, n = cable.plant, len(cable.plant.b)
     block = np.zeros((n + 2, n + 2))
@@ -105,7 +103,6 @@ def semi_active(
     b, noise = e[:n, n], e[:n, n + 1 :] / math.sqrt(period)
     # One product a period: the state without the force, the wanted force, the velocity, and the velocity at the end.
     rows = np.vstack([e[:n, :n], -gain, cable.velocity_row])
-    stop = cable.velocity_row @ b
     rng = np.random.default_rng(seed)
     steps, skip = round(duration / period), round(0.1 * duration / period)
     s = np.zeros((n, runs))
@@ -115,12 +112,7 @@ def semi_active(
         out = rows @ s
         free = out[:n] + noise * rng.standard_normal(runs)
         wanted = out[n]
-        if locking:
-            velocity = cable.velocity_row @ free
-            largest = np.abs(velocity / stop)
-            wanted = np.clip(wanted, -largest, largest)
-        else:
-            velocity = out[n + 1]
+        velocity = out[n + 1]
         force = np.where(wanted * velocity < 0, wanted, 0.0)
         s = free + b[:, None] * force
         if k >= skip:

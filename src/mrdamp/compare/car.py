@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.linalg import expm, solve_discrete_lyapunov
 
-from mrdamp.compare.beam import Beam, judged, search, started
+from mrdamp.compare.beam import WIDTHS, judged, search, started
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, PlantBench, PlantRun, require_periods
 from mrdamp.control.car import CarSite
 from mrdamp.control.registry import largest_force
@@ -173,14 +173,14 @@ class CarBench(PlantBench):
             def cost(plants: ChainRows) -> Array:
                 return np.asarray(sum(s * plants.criteria[:, _COLUMNS[key]] for key, s in slopes.items()))
 
-            return search(lambda n: rows(n).plants, periods, levels, cost, to_come, Beam((width,))).commands
+            return search(lambda n: rows(n).plants, periods, levels, cost, to_come, (width,)).commands
 
         out = {}
         for name, weights in self.bounds.items():
             found: list[tuple[float, dict[str, float], float, Array]] = []
             dashpots: tuple[float, ...] = _DASHPOTS
             values: list[float] = []
-            for width in Beam().widths:
+            for width in WIDTHS:
                 at = found[0][1] if found else dict.fromkeys(weights, 1.0)
                 slopes = {key: w / (2 * at[key] * linear[key]) for key, w in weights.items()}
                 for dashpot in dashpots:

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrdamp.compare.beam import least
-from mrdamp.compare.bench import DEFAULT, ELECTRIC, UNCONTROLLED, Bench, Coil, Measure, require_periods
+from mrdamp.compare.bench import DEFAULT, ELECTRIC, UNCONTROLLED, Bench, Measure, coil, require_periods
 from mrdamp.compare.clairvoyant import Path, Peaks, search
 from mrdamp.compare.motions import unseen_motions
 from mrdamp.compare.rollouts import Rollouts
@@ -161,8 +161,8 @@ class FrameBench(Bench):
         mean, square = (
             float(np.trapezoid(v, r.time, axis=0).mean()) / c.duration for v in (np.abs(r.current), r.current**2)
         )
-        coil = Coil.of(self.command_unit).use(mean, square, c.duration)
-        return {"criteria": kept, "coil": {**coil, "coil_energy": len(self.places) * coil["coil_energy"]}}
+        one = coil(self.command_unit, mean, square, c.duration)
+        return {"criteria": kept, "coil": {**one, "coil_energy": len(self.places) * one["coil_energy"]}}
 
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         c, coil = _criteria(kept), kept["coil"]
