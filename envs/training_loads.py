@@ -101,7 +101,7 @@ def reported_motions(count: int = 12) -> list[GroundMotion]:
 
 
 def by_motion(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(seeds, motions, amplitudes) of values (seeds, loads) under `reported_motions`, for `compare.summary`."""
+    """(seeds, motions, amplitudes) of values (seeds, loads) under `reported_motions`, for a comparison."""
     return values.reshape(len(values), -1, len(AMPLITUDES))
 
 
