@@ -184,8 +184,6 @@ class Plants:
         self._last[row], self._sample_time[row], self._steps[row] = len(load) - 1, sample_time, steps
 
 
-
-
 class EngineRows(ABC):
     """n rows of a structure in the engine, each under its own load.
 
