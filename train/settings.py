@@ -51,9 +51,7 @@ class Options:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        own = {k: str(v) if isinstance(v, Path) else v for k, v in vars(self).items()}
-        # Trainings of one model keep the key that they had before there were others.
-        del own["others"]
+        own = {k: str(v) if isinstance(v, Path) else v for k, v in vars(self).items() if k != "others"}
         return own | ({"others": [str(f) for f in self.others]} if self.others else {})
 
 
