@@ -126,8 +126,8 @@ class Bench(ABC):
 
     measures: of a run. headline: keys of the measures that a short table shows. claimed: keys of those by which a
     learned controller is set against the others. tuned: controllers that are tuned, by name -> their kind. default:
-    controllers of the default table. unseen_amplitudes: of the loads of the evaluation. objective: what tuning makes
-    small, measure -> its name in the `info` of a task, and its weight. reference: denominator of the ratios, in words.
+    controllers of the default table. unseen_amplitudes: of the loads of the evaluation. reference: denominator of the
+    ratios, in words.
     bounds: name -> weights by key of measure, which a clairvoyant command minimises; empty without such a search. base:
     spec of the constant command that gains count from. tuning_step: of the engine while controllers are tuned, s,
     at least.
@@ -140,7 +140,6 @@ class Bench(ABC):
     measures: ClassVar[tuple[Measure, ...]]
     headline: ClassVar[tuple[str, ...]]
     claimed: ClassVar[tuple[str, ...]]
-    objective: ClassVar[Mapping[str, tuple[str, float]]]
     unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
     reference: ClassVar[str] = WITHOUT
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
@@ -227,7 +226,15 @@ class Bench(ABC):
 
     @property
     def default(self) -> tuple[str, ...]:
-        return DEFAULT
+        return tuple(name for name in DEFAULT if name not in TUNED or name in self.tuned)
+
+    @property
+    def objective(self) -> Mapping[str, tuple[str, float]]:
+        """What tuning makes small, as what policies are trained for: measure -> its name in the `info` of a task, and
+        its weight."""
+        weights = self.structure.criteria(**self.structure.scored)
+        whole = sum(weights.values())
+        return {name.removesuffix("_ratio"): (name, weight / whole) for name, weight in weights.items()}
 
     @property
     def command_max(self) -> float:

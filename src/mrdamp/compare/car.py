@@ -71,11 +71,6 @@ class CarBench(PlantBench):
         "switching_rate",
     )
     claimed: ClassVar[tuple[str, ...]] = ("comfort", "load", "mean_command")
-    #: The mean of weighted acceleration and dynamic tyre load, over those of the linear suspension.
-    objective: ClassVar[Mapping[str, tuple[str, float]]] = {
-        "comfort": ("comfort_ratio", 0.5),
-        "load": ("load_ratio", 0.5),
-    }
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
     #: The largest command makes the suspension nearly rigid: the way to a bound begins at none.
     base: ClassVar[str] = "passive-off"

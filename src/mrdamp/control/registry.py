@@ -123,10 +123,10 @@ def largest_command(model: Model) -> float:
     return largest
 
 
-def largest_force(damper: Model, command: float) -> float:
-    """N at a command, the size of a damper's forces: of one moved at 0.1 m/s through 1 cm."""
-    dt, n = 1e-3, 200
-    x = 1e-2 * np.sin(10 * dt * np.arange(n))
+def largest_force(damper: Model, command: float, stroke: float = 1e-2, w: float = 10.0, n: int = 200) -> float:
+    """N at a command, the size of a damper's forces: of one moved by a sine of `stroke` (m) and w (rad/s) for n ms."""
+    dt = 1e-3
+    x = stroke * np.sin(w * dt * np.arange(n))
     u = np.full(n, command)
     return float(np.abs(damper.simulate(dt, {"displacement_m": x, "command": u})["force_N"]).max())
 
