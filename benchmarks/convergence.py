@@ -269,7 +269,7 @@ class Structure:
 def structures() -> Iterator[Structure]:
     """The structures of the environments with their default dampers."""
     from mrdamp.envs import AmbientLoads, CableTask, FrameTask
-    from mrdamp.envs.car_task import CarTask
+    from mrdamp.envs.car import CarTask
     from mrdamp.motions import kanai_tajimi
     from mrdamp.simulation.roads import iso8608
 

@@ -15,21 +15,22 @@ a controller, without rewards and episodes: `FramePlant`, `CablePlant`, `CarPlan
 from __future__ import annotations
 
 from mrdamp.control.observe import Observer
-from mrdamp.envs.cable import CableEnv
-from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
-from mrdamp.envs.cable_reward import CableReward
-from mrdamp.envs.cable_task import Cable, CableTask, cable_damper
-from mrdamp.envs.car import CarEnv
-from mrdamp.envs.car_reward import CarReward
-from mrdamp.envs.car_roads import Bumps, IsoRoads, RecordedRoads
-from mrdamp.envs.car_task import Car, CarTask, car_damper
-from mrdamp.envs.frame import FrameEnv
-from mrdamp.envs.frame_task import Frame, FrameTask, default_damper
+from mrdamp.envs.cable import Cable, CableEnv, CablePlant, CableReward, CableTask, cable_damper
+from mrdamp.envs.car import Car, CarEnv, CarPlant, CarReward, CarTask, car_damper
+from mrdamp.envs.frame import Frame, FrameEnv, FramePlant, FrameReward, FrameTask, default_damper
 from mrdamp.envs.linear import Goal, LinearStructure
-from mrdamp.envs.loads import MixedMotions, RecordedMotions, SyntheticMotions
-from mrdamp.envs.plant import CablePlant, CarPlant, FramePlant, Plant
-from mrdamp.envs.plant_env import PlantEnv, StructureEnv
-from mrdamp.envs.reward import FrameReward
+from mrdamp.envs.loads import (
+    AmbientLoads,
+    Bumps,
+    CableLoad,
+    IsoRoads,
+    MixedMotions,
+    RecordedMotions,
+    RecordedRoads,
+    SyntheticMotions,
+    WindLoads,
+)
+from mrdamp.envs.plant_env import Plant, PlantEnv, StructureEnv
 from mrdamp.envs.structure import Structure
 from mrdamp.registration import ENVIRONMENTS, register
 from mrdamp.structures.mechanics import Mechanics

@@ -10,8 +10,8 @@ import hashlib
 import math
 from abc import ABCMeta, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, make_dataclass
-from functools import cached_property
+from dataclasses import dataclass, field, make_dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -19,14 +19,14 @@ import numpy as np
 
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
-from mrdamp.control.lqg import first_order_hold
+from mrdamp.control.clipped_optimal import Lqg
+from mrdamp.control.lqg import Linear, first_order_hold, outputs_of, plant_of
+from mrdamp.envs.cable_xml import LinearView, linear_xml
 from mrdamp.envs.linear_rows import LinearChain, LinearRows, forces_of
-from mrdamp.envs.linear_site import LinearSite
-from mrdamp.envs.linear_xml import LinearView, linear_xml
 from mrdamp.envs.loads import MotionSource, drawn, played
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plants import periods
-from mrdamp.envs.structure import Criterion, Structure, largest_force
+from mrdamp.envs.structure import Structure, largest_force
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
@@ -37,6 +37,60 @@ from mrdamp.outside import named
 from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.simulation.rows import finite
 from mrdamp.structures.mechanics import Mechanics
+
+_LQG = {"r": 1e-2, "noise_ratio": 100.0}
+_LEVEL = {"level": 1.0}
+
+
+@dataclass(frozen=True)
+class LinearSite(registry.AnySite):
+    """Of a structure given by matrices. The goals are regulated, each over its scale; r: weight of the force squared,
+    over the largest; noise_ratio: of the load over its scale to the measurements over theirs."""
+
+    structure: LinearStructure
+    damper: Model
+    command_max: float
+    force_max: float
+    period: float = 5e-3
+
+    options: ClassVar[Mapping[str, Mapping[str, float]]] = registry.regulators(_LQG, _LEVEL)
+
+    @property
+    def environment(self) -> str:  # type: ignore[override]
+        """The name in `file.py:NAME`, or of the class."""
+        kind = type(self.structure)
+        return str(kind.__dict__.get("spec", kind.__name__)).rpartition(":")[2]
+
+    @cached_property
+    def _scale(self) -> Mapping[str, float]:
+        return self.structure.sensors(np.array([self.command_max]), False)[1]
+
+    @cached_property
+    def linear(self) -> Linear:
+        whole, first = self.structure, self.structure.first
+        linear, s = plant_of(whole.system), whole.system
+        strong = whole.strong / max(float(np.abs(s.loaded).max()), 1e-12)
+        rows = partial(outputs_of, s, dict(zip(whole.places, whole.at, strict=True)), {})
+        measured = (*(f"acceleration_{place}" for place in whole.places), "stroke")
+        goals = {f"{goal.of}_{goal.place}": goal.weight for goal in whole.goals.values()}
+        regulated = {name: weight / self._scale[name] ** 2 for name, weight in goals.items()}
+        hooks: Any = ((whole.rod, 1.0),) if whole.rod else ()
+        deviation = np.array([self._scale[name] for name in measured])
+        mass = float(s.mass.trace())
+        plant, dashpot = replace(linear, e=strong * linear.e), first * mass
+        return Linear(plant, rows, measured, regulated, first, hooks, dashpot, deviation)
+
+    def lqg(self, options: Mapping[str, float]) -> Lqg:
+        weight = options.get("r", 1.0) / self.force_max**2
+        return Lqg(regulate=self.linear.regulated, r=weight, noise_ratio=options["noise_ratio"])
+
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        dashpot, first, force = self.linear.dashpot, self.linear.first, self.force_max
+        return {
+            "r": (1e-4, 10.0), "noise_ratio": (1.0, 1e5), "level": (0.1, 1.0), "force_max": (0.05 * force, 2.0 * force),
+            "damping": (0.1 * dashpot, 50.0 * dashpot), "leak": (1.0 / first, 100.0 / first),
+        }  # fmt: skip
+
 
 _STEP = 1e-3  # s, of the run without the damper
 
@@ -227,11 +281,8 @@ class LinearStructure(Structure, metaclass=_Kind):
         return [*(self.signals or default), *(["current"] if full_state else []), "stroke", "force"], scale
 
     @classmethod
-    def criteria(cls, **scored: float) -> tuple[Criterion, ...]:
-        return tuple(
-            Criterion(f"{name}_ratio", goal.weight, cls.column(goal), 0.5 if goal.how == "rms" else 1.0)
-            for name, goal in cls.goals.items()
-        )
+    def criteria(cls, **scored: float) -> Mapping[str, float]:
+        return {f"{name}_ratio": goal.weight for name, goal in cls.goals.items()}
 
     def some(self, rng: np.random.Generator, count: int, spread: float = 0.0) -> list[Any]:
         source = self.training()

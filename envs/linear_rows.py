@@ -1,19 +1,22 @@
-"""Rows of structures given by matrices, in the engine and on the chain."""
+"""Rows of structures given by matrices and of stay cables, in the engine and on the chain."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter
 
-from mrdamp.envs.chain_rows import Chained
-from mrdamp.envs.plants import EngineRows
+from mrdamp.envs.plants import Chained, EngineRows
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model.core import Array
-from mrdamp.simulation.rows import ChainRows
+from mrdamp.simulation.rows import ChainRows, Stepping
 from mrdamp.structures.mechanics import Mechanics
+
+if TYPE_CHECKING:
+    from mrdamp.envs.cable import Cable
 
 _ROUNDING = 1e-6
 
@@ -95,3 +98,80 @@ class LinearChain(Chained, LinearRows):
         whole, s = self.structure, self.structure.system
         matrices = s.rate, s.loaded, s.stroke[None], s.push, whole.at
         self._hold(ChainRows.linear(*matrices, whole.models, self.stepping, whole.whole, s.absolute))
+
+
+class Accelerometers:
+    """Accelerometers of n rows at p places with a bandwidth: the mean acceleration of every control period, from the
+    velocities at its ends, through a Butterworth low-pass of the second order at the control period.
+
+    bandwidth: Hz, below half of the control rate. Attributes: state (n, 3, p), all that the next reading depends on:
+    the last velocities and the filter's. Raises InputError.
+    """
+
+    def __init__(self, bandwidth: float, period: float, n: int, places: int) -> None:
+        require_positive("accelerometers", bandwidth=bandwidth)
+        if bandwidth >= 0.5 / period:
+            raise InputError(f"bandwidth is {bandwidth} Hz; allowed: below {0.5 / period:g}, half of the control rate")
+        self._b, self._a = (part.tolist() for part in butter(2, bandwidth, fs=1 / period))
+        self._period = period
+        self.state = np.zeros((n, 3, places))
+
+    def read(self, velocity: Array, fresh: Sequence[int] | None = None) -> Array:
+        """(rows, p) m/s2 from velocities (rows, p) m/s; fresh: rows that have just started, None: all, a period on."""
+        if fresh is not None:
+            self.state[list(fresh)] = 0.0
+            self.state[list(fresh), 0] = velocity
+            return np.zeros_like(velocity)
+        last, first, second = self.state[:, 0], self.state[:, 1], self.state[:, 2]
+        mean = (velocity - last) / self._period
+        found = self._b[0] * mean + first
+        self.state[:, 0] = velocity
+        self.state[:, 1] = self._b[1] * mean - self._a[1] * found + second
+        self.state[:, 2] = self._b[2] * mean - self._a[2] * found
+        return np.asarray(found)
+
+
+class CableRows(LinearRows):
+    """n cables, each under its own load. Results of a period: means of int v^2 dx / L, m2, and of int a^2 dx / L,
+    m2/s4, a the acceleration; then `OF_DAMPERS`."""
+
+    structure: Cable
+
+    def __init__(self, structure: Cable, stepping: Stepping) -> None:
+        self.accelerometers: Accelerometers | None = None
+        if structure.bandwidth is not None:
+            places = len(structure.places)
+            self.accelerometers = Accelerometers(structure.bandwidth, stepping.period, stepping.n, places)
+        super().__init__(structure, stepping)
+
+    def _criteria(self, record: Mapping[str, Array]) -> Sequence[Array]:
+        cable, (n, inner, _) = self.structure.cable, record["qpos"].shape
+        # The modal mass is 1 kg: the sum of squares is m int v^2 dx.
+        whole = 1.0 / (inner * cable.mass * cable.length)
+        squares = (np.square(record[field]).reshape(n, -1) for field in ("qpos", "qacc"))
+        return [whole * np.add.reduce(square, axis=1) for square in squares]
+
+    def _read(self, now: Mapping[str, Array], fresh: Sequence[int] | None) -> Array:
+        return self.seen(super()._read(now, fresh), fresh)
+
+    def seen(self, values: Array, fresh: Sequence[int] | None) -> Array:
+        """Measurements (rows, names), in place, with the accelerations of the sensors; fresh: as of `_read`."""
+        if self.accelerometers is not None:
+            p = len(self.structure.places)
+            values[:, :p] = self.accelerometers.read(values[:, 2 * p : 3 * p], fresh)
+        return values
+
+    def _beside(self, row: int) -> Any:
+        return None if self.accelerometers is None else self.accelerometers.state[row].copy()
+
+    def _put_back(self, row: int, beside: Any) -> None:
+        if self.accelerometers is not None:
+            self.accelerometers.state[row] = beside
+
+
+class CableChain(CableRows, LinearChain):
+    """`CableRows` on the chain."""
+
+    def add_noise(self, deviation: Array) -> bool:
+        """As `Chained.add_noise`, but where the accelerometers have a bandwidth, which comes before their noise."""
+        return self.accelerometers is None and super().add_noise(deviation)

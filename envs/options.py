@@ -1,4 +1,4 @@
-"""Options of all structures: stepping and command of the rows, and observations of a task."""
+"""Options of all structures: stepping and command of the rows, observations of a task, and their noise."""
 
 from __future__ import annotations
 
@@ -13,14 +13,47 @@ import numpy as np
 
 from mrdamp.control.observe import Observer
 from mrdamp.envs.loads import Range
-from mrdamp.envs.plants import of_engine
 from mrdamp.envs.randomise import DrawnRows
-from mrdamp.envs.sensors import stem
 from mrdamp.envs.structure import Structure
-from mrdamp.errors import InputError, require_kind, require_period
+from mrdamp.errors import InputError, require_kind, require_one_of, require_period
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import Stepping
+
+
+def stem(name: str) -> str:
+    """A measurement's name without its number."""
+    return name.rstrip("0123456789").rstrip("_")
+
+
+class Noise:
+    """White noise on measurements; deviation: name, or the name without its number -> standard deviation, SI.
+
+    Attributes: where, of the names there is any; all (names,), its standard deviation on each.
+    """
+
+    def __init__(self, deviation: Mapping[str, float], names: Sequence[str]) -> None:
+        self.where: list[int] = []
+        found: list[float] = []
+        stems = {name: stem(name) for name in names}
+        for key, value in deviation.items():
+            if key not in stems and key not in stems.values():
+                raise InputError(f"noise on {key!r}: no such measurement; there are: {', '.join(names)}")
+            if not 0 <= value < math.inf:
+                raise InputError(f"noise on {key!r} is {value}; allowed: >= 0")
+        for k, name in enumerate(names):
+            value = deviation.get(name, deviation.get(stems[name], 0.0))
+            if value > 0:
+                self.where.append(k)
+                found.append(value)
+        self.deviation = np.array(found)
+        self.all = np.zeros(len(names))
+        self.all[self.where] = self.deviation
+
+    def add(self, values: Array, row: int, rng: np.random.Generator) -> None:
+        """Onto row of values (n, names), in place."""
+        if self.where:
+            values[row, self.where] += self.deviation * rng.standard_normal(len(self.where))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +73,8 @@ class RowOptions:
     def rows(self, structure: Structure, n: int = 1) -> Any:
         """n rows of a structure on the engine. Raises InputError."""
         require_period("control", self.period)
-        kind, step = of_engine(structure.engines, self.engine)
+        require_one_of("", structure.engines, engine=self.engine)
+        kind, step = structure.engines[self.engine]
         timestep = step if self.timestep is None else self.timestep
         largest = command_range(structure.models, self.command_max)
         return kind(structure, Stepping(self.period, timestep, largest, n, self.threads))

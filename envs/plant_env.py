@@ -1,10 +1,11 @@
-"""A task of one row as a Gymnasium environment."""
+"""One structure: as a plant for any controller, without rewards and episodes, and as a Gymnasium environment."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import gymnasium
 import numpy as np
@@ -12,10 +13,70 @@ from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation
 from mrdamp.envs.linear import LinearStructure, own_kind
+from mrdamp.envs.options import RowOptions
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Episode, Task, divided
 from mrdamp.envs.view import Image, View, has_display
 from mrdamp.errors import InputError, require_one_of, require_positive
+from mrdamp.simulation.rows import finite
+
+
+class Plant(Protocol):
+    """Interface of the plant of a controller.
+
+    Measurements are named as in `mrdamp.control.base`; `time` is theirs, s. period: s. command_max: A or V.
+    """
+
+    period: float
+    command_max: float
+
+    @property
+    def time(self) -> float:
+        """Of the last measurements, s."""
+
+    def reset(self, load: Any) -> Mapping[str, float]:
+        """At rest under a load; the measurements at time 0."""
+
+    def step(self, command: float) -> Mapping[str, float]:
+        """One control period with the command held; the measurements at its end."""
+
+
+class RowPlant:
+    """A structure as a `Plant`. options: of `RowOptions`. Raises InputError.
+
+    Attributes: structure; rows, one of it; period, s; commands_max, (m,) of all dampers, and command_max, of the first,
+    A or V; of_period, result of `EngineRows.advance_one` for the last control period.
+    """
+
+    of_period: Sequence[float]
+
+    def __init__(self, structure: Structure, **options: Any) -> None:
+        self.structure = structure
+        self.rows = rows = RowOptions(**options).rows(structure)
+        self.period: float = rows.period
+        self.commands_max = rows.command_max
+        self.command_max = float(rows.command_max[0])
+
+    @property
+    def time(self) -> float:
+        """Of the last measurements, s."""
+        return float(self.rows.plants.step[0] // self.rows.plants.inner) * self.period
+
+    @property
+    def finished(self) -> bool:
+        """True if the load is over; a plant may be stepped without one."""
+        return bool(self.rows.plants.step[0] >= self.rows.steps[0] * self.rows.plants.inner)
+
+    def reset(self, load: Any) -> Mapping[str, float]:
+        """At rest under a load; the measurements at time 0."""
+        self.rows.start(0, load)
+        return dict(zip(self.rows.names, self.rows.measure([0])[0].tolist(), strict=True))
+
+    def step(self, command: float | Sequence[float]) -> Mapping[str, float]:
+        """One control period with the command (or one a damper) held; the measurements at its end."""
+        each = command if np.ndim(command) else [command] * len(self.commands_max)
+        self.of_period, values = self.rows.advance_one(finite("command", each, (1, len(self.commands_max))))
+        return dict(zip(self.rows.names, values, strict=True))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Many copies of one rig in MuJoCo, stepped a control period at a time.
+"""Many copies of one rig, stepped a control period at a time, in MuJoCo or on the C++ chain without it.
 
 Built on the engine's `Batch`: a row is a simulation, its state a row of numbers. One copy is a batch of one, so
 that a single environment and a row of a vector environment do the same arithmetic.
@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import mujoco
 import mujoco.batch
@@ -18,14 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.base import sensor_name
-from mrdamp.errors import InputError, diverged, require_one_of
+from mrdamp.errors import InputError, diverged
 from mrdamp.model.core import Array
 from mrdamp.simulation.mjcf import SIGNALS, actuator_name
-from mrdamp.simulation.rows import Stepping, finite
+from mrdamp.simulation.rows import ChainRows, Stepping, finite, require_finite
 
 if TYPE_CHECKING:
     from mrdamp.envs.structure import Structure
 
+_SEEDS = 2**53  # whole numbers that a double holds
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
 
@@ -183,9 +184,6 @@ class Plants:
         self._last[row], self._sample_time[row], self._steps[row] = len(load) - 1, sample_time, steps
 
 
-Entry = TypeVar("Entry")
-
-
 class EngineRows(ABC):
     """n rows of a structure in the engine, each under its own load.
 
@@ -302,6 +300,49 @@ class EngineRows(ABC):
         return round(periods(duration, self.window) * self.window / self.period)
 
 
+class Chained(EngineRows):
+    """Base of rows on the chain. Attributes: plants, seeds (n,) of the rows' noise."""
+
+    plants: Any
+    seeds: NDArray[np.int64]
+
+    def _hold(self, plants: ChainRows) -> None:
+        self.plants = plants
+        self.seeds = np.zeros(plants.n, dtype=np.int64)
+
+    def add_noise(self, deviation: Array) -> bool:
+        """Sets white noise (names,), SI, on all measurements; True: the rows add it themselves."""
+        self.plants.noise(deviation)
+        return True
+
+    def seed(self, row: int, rng: np.random.Generator) -> None:
+        """Of the noise of the row's next start."""
+        self.seeds[row] = rng.integers(_SEEDS)
+
+    def _begin(self, row: int, load: Array, sample_time: float, duration: float) -> None:
+        self.steps[row] = self._lasting(duration)
+        steps = int(self.steps[row] * self.plants.inner)
+        self.plants.start(row, load, sample_time, steps, int(self.seeds[row]))
+
+    def measure(self, rows: Sequence[int]) -> Array:
+        """(rows, names) sensor readings of rows that have just started."""
+        return self.seen(np.asarray(self.plants.measured[list(rows)]), rows)
+
+    def seen(self, values: Array, fresh: Sequence[int] | None) -> Array:
+        """Measurements (rows, names) as sensors that the chain does not have read them, in place; fresh: rows that have
+        just started, None: all, a period on."""
+        return values
+
+    def advance(self, commands: Array) -> tuple[Array, Array]:
+        """One control period with commands (n, m) held: `PERIOD` (n, 6), and the sensor readings after it."""
+        period, values = require_finite(self.plants.advance(commands))
+        return period, self.seen(values, None)
+
+    advance_one = EngineRows.advance_one
+    #: The plants' state is all.
+    _beside, _put_back = EngineRows._beside, EngineRows._put_back
+
+
 def periods(duration: float, period: float) -> int:
     """How many control periods (s) a load lasts: one for each of the instants 0, period, .. up to its last sample.
 
@@ -337,9 +378,3 @@ def work(pull: Array, velocity: Array, after: Array, timestep: float) -> Array:
     both[:, -1] += after
     both *= pull
     return np.asarray(-0.5 * timestep * np.add.reduce(both.reshape(len(both), -1), axis=1))
-
-
-def of_engine(engines: Mapping[str, Entry], engine: str) -> Entry:
-    """Entry of an engine's name. Raises InputError."""
-    require_one_of("", engines, engine=engine)
-    return engines[engine]

@@ -25,7 +25,7 @@ except ImportError:
 class PlantVecEnv(VecEnv):
     """The same numbers as `DummyVecEnv` over single environments, on the engine's `Batch`.
 
-    task: as `mrdamp.envs.frame_task.FrameTask(8)`. A row that is over starts anew in the same step, its last
+    task: as `mrdamp.envs.frame.FrameTask(8)`. A row that is over starts anew in the same step, its last
     observation in `infos[k]["terminal_observation"]`. Returns and lengths of episodes, such as `ep_rew_mean` in a log,
     come from stable-baselines3's `VecMonitor` around it.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -20,22 +20,6 @@ if TYPE_CHECKING:
     from mrdamp.envs.plants import EngineRows
     from mrdamp.envs.task import Task
     from mrdamp.envs.view import View
-
-
-
-@dataclass(frozen=True)
-class Criterion:
-    """A part of the score that a policy is trained for: `weight` over the sum of all times a measure, over loads.
-
-    The measure, a field of `info`, comes from a column of the results of a control period (its `power`-th power is the
-    size, 1/2 of a mean square), as the mean over time to the power of 1/exponent; a peak is nearly that for large
-    exponents.
-    """
-
-    measure: str
-    weight: float
-    column: int
-    power: float = 1.0
 
 
 class Structure(ABC):
@@ -96,8 +80,8 @@ class Structure(ABC):
 
     @classmethod
     @abstractmethod
-    def criteria(cls, **scored: float) -> tuple[Criterion, ...]:
-        """What the score of a policy is made of, with the options `scored`."""
+    def criteria(cls, **scored: float) -> Mapping[str, float]:
+        """What the score of a policy is made of, with the options `scored`: measures, fields of `info`, and weights."""
 
     @abstractmethod
     def loads(self) -> Any:

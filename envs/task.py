@@ -9,9 +9,9 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium.error import ResetNeeded
@@ -19,15 +19,12 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation, Stack
-from mrdamp.envs.options import TaskOptions
-from mrdamp.envs.sensors import Noise
+from mrdamp.envs.options import Noise, TaskOptions
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.weights import Score
 from mrdamp.errors import Diverged, InputError, diverged, nearest, require_kind, require_positive
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import finite
-
-Kept = TypeVar("Kept")
 
 
 @dataclass(frozen=True)
@@ -52,23 +49,6 @@ class Step:
 
 
 _KEPT = 256  # references of loads
-
-
-class References(Generic[Kept]):
-    """Reference responses of loads without a damper; each is computed once and shared by rows of a structure with the
-    same load."""
-
-    def __init__(self) -> None:
-        self._kept: dict[bytes, Kept] = {}
-
-    def of(self, load: Array, drawn: Mapping[str, float], found: Callable[[], Kept]) -> Kept:
-        """Result of `found` for a load and what was drawn of the structure, from the cache if it is recent."""
-        key = hashlib.blake2b(load.tobytes() + repr(drawn).encode(), digest_size=16).digest()
-        if key not in self._kept:
-            if len(self._kept) >= _KEPT:
-                self._kept.clear()
-            self._kept[key] = found()
-        return self._kept[key]
 
 
 def check_options(options: Mapping[str, Any], *allowed: str) -> float:
@@ -126,7 +106,8 @@ class Task:
         self._command: Array = np.zeros((self.n, len(command_max)))
         self._rngs: list[np.random.Generator | None] = [None] * self.n
         self._under = [""] * self.n  # load and amplitude, for messages
-        self._references = References[Any]()
+        # By load and what was drawn of the structure; each is computed once for the rows that share them.
+        self._references: dict[bytes, Sequence[float] | Array] = {}
         self.observation_space = Box(-observer.limit, observer.limit, (observer.size,), np.float32)
         self.action_space = Box(-1.0, 1.0, (len(command_max),), np.float32)
 
@@ -170,9 +151,12 @@ class Task:
             rows.seed(row, rng)
         given, own, step = rows.start(row, load), rows.of(row).structure, rows.plants.timestep
         largest, period = float(self.command_max[0]), rows.period
-        reference = self._references.of(
-            given, drawn, lambda: own.reference(given, load, step, self.weights, largest, period)
-        )
+        key = hashlib.blake2b(given.tobytes() + repr(drawn).encode(), digest_size=16).digest()
+        if key not in self._references:
+            if len(self._references) >= _KEPT:
+                self._references.clear()
+            self._references[key] = own.reference(given, load, step, self.weights, largest, period)
+        reference = self._references[key]
         self.score.start(row, reference, int(rows.steps[row]))
         told = whole.told(load, reference)
         told = {whole.option: load.name, "duration": load.duration, **told}

@@ -10,9 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, LoadSource, WindLoads
-from mrdamp.envs.car_roads import Bumps, IsoRoads, RoadSource
-from mrdamp.envs.loads import MixedMotions, MotionSource, RecordedMotions, SyntheticMotions
+from mrdamp.envs.loads import (
+    AmbientLoads,
+    Bumps,
+    CableLoad,
+    IsoRoads,
+    LoadSource,
+    MixedMotions,
+    MotionSource,
+    RecordedMotions,
+    RoadSource,
+    SyntheticMotions,
+    WindLoads,
+)
 from mrdamp.motions import TIME_SCALE, GroundMotion, embedded_motion
 from mrdamp.simulation.roads import CLASSES, Road
 
@@ -91,7 +101,7 @@ def reported_motions(count: int = 12) -> list[GroundMotion]:
 
 
 def by_motion(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(seeds, motions, amplitudes) of values (seeds, loads) under `reported_motions`, for `compare.summary`."""
+    """(seeds, motions, amplitudes) of values (seeds, loads) under `reported_motions`, for a comparison."""
     return values.reshape(len(values), -1, len(AMPLITUDES))
 
 

@@ -12,9 +12,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation
-from mrdamp.envs.cable_task import Cable
-from mrdamp.envs.car_task import Car
-from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.cable import Cable
+from mrdamp.envs.car import Car
+from mrdamp.envs.frame import Frame
 from mrdamp.envs.linear import LinearStructure, own_kind
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, divided

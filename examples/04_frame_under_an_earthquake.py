@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from mrdamp import sets
 from mrdamp.control import clipped_optimal, passive_off, passive_on
-from mrdamp.model import Model, effects_from
 from mrdamp.motions import embedded_motion
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.stepping import run_frame
@@ -17,9 +16,7 @@ from mrdamp.structures import dyke1996
 def main(seconds: float | None = None) -> dict[str, Criteria]:
     """Criteria by controller; seconds: of the ground motion, None: all of it."""
     damper, frame = sets.load("dyke1996_3kN"), dyke1996()
-    model = Model(
-        damper.law, dict(damper.parameters), effects_from(damper.attributes()), rig="frame", structure=frame
-    )
+    model = replace(damper.model(), rig="frame", structure=frame)
     motion = embedded_motion().compressed(5.0)  # the frame is a small-scale one
     if seconds is not None:
         motion = replace(motion, acceleration=motion.acceleration[: round(seconds / motion.sample_time)])

@@ -10,13 +10,12 @@ from mrdamp.inverse import LawInverse
 from mrdamp.inverse.baselines import Fixed, Switching
 from mrdamp.inverse.rig import Sizes, with_effects_of_a_rig
 from mrdamp.inverse.tracking import STEP, RandomMotion, Track, track
-from mrdamp.model import Model, effects_from
 
 
 def main(seconds: float = 8.0) -> list[Track]:
     """The runs: switching, and the inverse."""
     found = sets.load("dyke1996_3kN")
-    believed = Model(found.law, dict(found.parameters), effects_from(found.attributes()), name=found.id)
+    believed = found.model()
     motion = RandomMotion(rms=3e-3, low=0.5, high=5.0, seed=1)  # m, Hz, Hz
     sizes = Sizes.of(believed, motion, found.command.max)
     real = with_effects_of_a_rig(believed, sizes)  # what is steered has lags, friction, backlash ... besides

@@ -21,16 +21,15 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mrdamp.commands.output import progress_bar
-from mrdamp.compare.summary import interval
+from mrdamp.commands import progress_bar
+from mrdamp.compare.comparison import interval
 from mrdamp.envs.training_loads import by_motion, reported_motions
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.parallel import Progress
-from mrdamp.train.adjoint import AdjointRun
+from mrdamp.train.adjoint import AdjointRun, SoftPolicy
 from mrdamp.train.closed_loop import ClosedLoop
 from mrdamp.train.settings import Options, settings
-from mrdamp.train.soft_policy import SoftPolicy
 from mrdamp.train.worlds import World
 
 #: Of the 84 of the shipped training: the same periods give four times the steps. The rate is below the shipped one's,

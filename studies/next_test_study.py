@@ -23,7 +23,7 @@ from matplotlib.lines import Line2D
 from scipy.interpolate import CubicSpline
 from scipy.stats import binomtest
 
-from mrdamp.commands.output import save_picture
+from mrdamp.commands import save_picture
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ties import tie_classes

@@ -15,14 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamp.compare.summary import interval
+from mrdamp.compare.comparison import interval
 from mrdamp.control.policy import Policy
-from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.frame import Frame
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import by_motion, reported_motions
 from mrdamp.errors import InputError
-from mrdamp.train.evaluate import episodes, forces
-from mrdamp.train.worlds import World
+from mrdamp.train.worlds import World, episodes, forces
 
 _STEP = 1e-3  # s, of the chain: peaks are within .3 % of those of a quarter of it
 

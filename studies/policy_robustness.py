@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamp.compare.summary import interval
+from mrdamp.compare.comparison import interval
 from mrdamp.control.base import Controller
 from mrdamp.control.passive import passive_on
 from mrdamp.control.policy import Policy

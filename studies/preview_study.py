@@ -22,18 +22,16 @@ from typing import Any, Unpack
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamp.commands.output import progress_bar, save_picture
+from mrdamp.commands import progress_bar, save_picture
 from mrdamp.compare import tuning
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.bound import with_bounds
-from mrdamp.compare.comparison import Comparison, compare
+from mrdamp.compare.benches import with_bounds
+from mrdamp.compare.comparison import Comparison, Summary, compare
 from mrdamp.compare.contenders import Contender, contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
-from mrdamp.compare.frame import FrameBench
-from mrdamp.compare.frame_bound import PERIOD, Scales, frame_rollouts
+from mrdamp.compare.frame import PERIOD, FrameBench, Scales, frame_rollouts
 from mrdamp.compare.motions import read_motions
 from mrdamp.compare.runner import How, run_all
-from mrdamp.compare.summary import Summary
 from mrdamp.control.passive import Replay
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic

@@ -4,7 +4,6 @@ engine, the controllers."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -14,21 +13,18 @@ import pytest
 from scipy.signal import cont2discrete, dlsim
 
 from mrdamp.compare import Comparison, Contender, compare
-from mrdamp.compare.beam import Beam, search
+from mrdamp.compare.beam import search
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.bound import with_bounds
+from mrdamp.compare.benches import with_bounds
 from mrdamp.compare.cable import CableBench
-from mrdamp.compare.cable_bound import ToCome as CableToCome
-from mrdamp.compare.cable_bound import cable_bound
-from mrdamp.compare.car import CarBench
-from mrdamp.compare.car_bound import ToCome as CarToCome
-from mrdamp.compare.car_bound import car_bound, weighted_car
-from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
-from mrdamp.envs.cable_rows import CableChain
-from mrdamp.envs.cable_task import Cable
-from mrdamp.envs.car_rows import PERIOD
-from mrdamp.envs.car_task import Car
-from mrdamp.envs.chain_rows import CarChain
+from mrdamp.compare.cable import ToCome as CableToCome
+from mrdamp.compare.car import CarBench, weighted_car
+from mrdamp.compare.car import ToCome as CarToCome
+from mrdamp.envs.cable import Cable
+from mrdamp.envs.car import Car
+from mrdamp.envs.frame_rows import PERIOD, CarChain
+from mrdamp.envs.linear_rows import CableChain
+from mrdamp.envs.loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.model import Model
 from mrdamp.simulation.roads import iso8608
 from mrdamp.simulation.rows import ChainRows, Stepping
@@ -43,13 +39,12 @@ def drawn(source: AmbientLoads | WindLoads, seed: int) -> CableLoad:
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """bound: its search; worst: place among the levels of a command that is bad throughout."""
+    """worst: place among the levels of a command that is bad throughout."""
 
     bench: Any
     loads: tuple[Any, ...]
     base: str
     starts: tuple[str, ...]
-    bound: Callable[..., Any]
     worst: int
 
     @cache  # noqa: B019
@@ -65,7 +60,6 @@ PLANTS = {
         (drawn(AmbientLoads(duration=4.0), 3), drawn(WindLoads(duration=4.0), 4)),
         "passive-on",
         ("clipped-optimal", "passive-off", "lyapunov"),
-        cable_bound,
         0,
     ),
     "car": Plant(
@@ -73,7 +67,6 @@ PLANTS = {
         (iso8608("C", 17.0, 3.0, 71), iso8608("B", 26.0, 3.0, 72)),
         "passive-off",
         ("clipped-lq:holding=0.3,r=1,level=0.2", "constant:value=0.1", "skyhook-switch:level=0.1"),
-        car_bound,
         -1,
     ),
 }
@@ -136,7 +129,7 @@ def test_a_wide_beam_tries_every_command() -> None:
         made.state[:] = state
         return made
 
-    found = search(make, 6, levels, cost, nothing, Beam((1, 64)))
+    found = search(make, 6, levels, cost, nothing, (1, 64))
     every = make(64)
     total = np.zeros(64)
     for k in range(6):
@@ -240,11 +233,11 @@ def test_a_start_that_nothing_beats_stays_the_bound(plant: Plant, monkeypatch: p
     """A beam of one that takes one command throughout."""
 
     def poor(make: Any, periods: int, levels: np.ndarray, cost: Any, to_come: Any, *_: Any) -> Any:
-        return search(make, periods, levels[[plant.worst]], cost, to_come, Beam((1,)))
+        return search(make, periods, levels[[plant.worst]], cost, to_come, (1,))
 
-    monkeypatch.setattr(f"{plant.bound.__module__}.search", poor)
+    monkeypatch.setattr(f"{type(plant.bench).__module__}.search", poor)
     start, load = plant.starts[0], plant.loads[0]
-    kept = plant.bound(plant.bench, dict.fromkeys(plant.bench.bounds, (start,)), load, 1.0)["clairvoyant"]
+    kept = plant.bench.clairvoyant(dict.fromkeys(plant.bench.bounds, (start,)), load, 1.0)["clairvoyant"]
     own = plant.bench.values(plant.bench.run(start, load, 1.0), plant.bench.run(UNCONTROLLED, load, 1.0))
     value = sum(w * own[key] for key, w in plant.bench.bounds["clairvoyant"].items())
     assert kept["values"] == own

@@ -17,16 +17,15 @@ from mrdamp.commands.compare import add_to
 from mrdamp.compare import Comparison, Contender, FrameBench, compare
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, Measure
-from mrdamp.compare.bound import with_bounds
+from mrdamp.compare.benches import with_bounds
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.clairvoyant import Effort, Peaks, search
+from mrdamp.compare.comparison import ratio
 from mrdamp.compare.frame import run_rows
-from mrdamp.compare.frame_bound import frame_bound
 from mrdamp.compare.rollouts import Rollouts, sensitivity
-from mrdamp.compare.summary import ratio
 from mrdamp.control.passive import Replay
-from mrdamp.envs.chain_rows import FrameChain
-from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.frame import Frame
+from mrdamp.envs.frame_rows import FrameChain
 from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.rows import Stepping
@@ -65,10 +64,10 @@ def test_slopes_are_those_of_whole_runs(level: float | None) -> None:
     u = np.random.default_rng(0).uniform(0.2, 0.8, rolled.periods) * LARGEST
     if level is not None:
         u[:] = level
-    y, states = rolled.run(u[None], states=True)
+    _, states = rolled.run(u[None], states=True)
     period, channel = np.array([320, 330, 450, 450]), np.array([3, 4, 0, 2])
     at = np.arange(460)
-    g = sensitivity(rolled.slopes(y[0], states[0], u, at), at, period, channel, 460)
+    g = sensitivity(rolled.slopes(states[0], u, at), at, period, channel, 460)
     step = -1e-4 if level == LARGEST else 1e-4
     for k in (40, 250, 300, 312, 318, 440, 449):
         nudged = np.stack([u, u])
@@ -195,15 +194,15 @@ def test_a_start_that_nothing_beats_stays_the_bound(monkeypatch: pytest.MonkeyPa
         raise AssertionError
 
     start = dict.fromkeys(BENCH.bounds, ("force-tracking",))
-    honest = frame_bound(BENCH, start, MOTION, 1.0)
+    honest = BENCH.clairvoyant(start, MOTION, 1.0)
     # A search that returns passive-off, worse than what it began with.
     monkeypatch.setattr(
-        "mrdamp.compare.frame_bound.search",
+        "mrdamp.compare.frame.search",
         lambda rolled, starts, peaks: search(
             rolled, [("off", np.zeros(rolled.periods))], peaks, Effort(most=0)
         ),
     )
-    kept = frame_bound(BENCH, start, MOTION, 1.0)
+    kept = BENCH.clairvoyant(start, MOTION, 1.0)
     own = BENCH.values(BENCH.run("force-tracking", MOTION, 1.0), BENCH.run(UNCONTROLLED, MOTION, 1.0))
     assert kept["clairvoyant-drift"]["values"]["J1"] == own["J1"]
     assert honest["clairvoyant-drift"]["values"]["J1"] < own["J1"]
@@ -286,9 +285,9 @@ def test_runs_go_on_where_a_row_stands() -> None:
 def test_a_horizon_leaves_earlier_commands_alone() -> None:
     rolled = rollouts()
     u = np.full(rolled.periods, 0.5 * LARGEST)
-    y, states = rolled.run(u[None], states=True)
+    _, states = rolled.run(u[None], states=True)
     at, period, channel = np.arange(500), np.array([200, 500]), np.array([0, 3])
-    slopes = rolled.slopes(y[0], states[0], u, at)
+    slopes = rolled.slopes(states[0], u, at)
     far, near = (sensitivity(slopes, at, period, channel, horizon) for horizon in (500, 50))
     for i, k in enumerate(period):
         np.testing.assert_array_equal(near[i, : k - 50], 0.0)

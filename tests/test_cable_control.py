@@ -14,12 +14,12 @@ from knowing import Known
 from mrdamp.compare import cable_reference
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.cable import CableBench
+from mrdamp.compare.cable_reference import ControlledCable, semi_active
 from mrdamp.control.cable import cable_outputs, cable_plant
 from mrdamp.control.clipped_optimal import OptimalForce
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.registry import make
-from mrdamp.control.taut_cable import ControlledCable, semi_active
-from mrdamp.envs.cable_loads import CableLoad
+from mrdamp.envs.loads import CableLoad
 from mrdamp.errors import InputError
 from mrdamp.structures.cables import StayCable
 from mrdamp.structures.taut_cable import TENSION

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from mrdamp import cli, sets
+from mrdamp.commands import progress_bar
 from mrdamp.commands.completion import script
-from mrdamp.commands.output import progress_bar
 from mrdamp.demo import run as demo
 from mrdamp.model import Model
 from mrdamp.model.citations import citation
@@ -265,7 +265,7 @@ def test_every_command_has_an_example() -> None:
 @pytest.mark.slow
 def test_no_color_is_respected() -> None:
     code = (
-        "from mrdamp.commands.output import progress_bar\n"
+        "from mrdamp.commands import progress_bar\n"
         "with progress_bar() as tell:\n    tell('working', 0.5)\n    tell('working', 1.0)\n"
     )
     colour = re.compile(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|[34]8;)[0-9;]*m")

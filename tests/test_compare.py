@@ -19,7 +19,7 @@ from env_arguments import OWN
 from mrdamp.commands.compare import add_to
 from mrdamp.compare import Contender, FrameBench, compare, contenders, tuning
 from mrdamp.compare import dyke1996 as preset
-from mrdamp.compare.bench import UNCONTROLLED, Coil, score
+from mrdamp.compare.bench import UNCONTROLLED, coil, score
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import shipped_policies
@@ -122,7 +122,7 @@ def test_an_outcome_is_what_the_run_says() -> None:
     assert out["coil"]["mean_current"] == pytest.approx(0.25 * (1 - late), rel=5e-4)
     assert out["coil"]["rms_current"] == pytest.approx(0.25 * (1 - 1.5 * late) ** 0.5, rel=5e-4)
     assert out["coil"]["coil_energy"] == pytest.approx(5 * 0.25**2 * 1.2 * (1 - 1.5 * late), rel=1e-3)
-    assert Coil.of("A").amperes == 1.0
+    assert coil("A", 1.0, 1.0, 1.0)["mean_current"] == 1.0
     bare = BENCH.run(UNCONTROLLED, MOTIONS[0], 1.0)
     assert bare["coil"] is None
     assert bare["criteria"]["peak_force"] == 0

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mrdamp.compare.summary import difference, interval, summarise
+from mrdamp.compare.comparison import difference, interval, summarise
 from refusals import refuses
 
 

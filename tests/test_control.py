@@ -14,13 +14,12 @@ from scipy.signal import StateSpace, lsim
 from mrdamp.control import ForceController, clipped_optimal
 from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
 from mrdamp.control.force_control import clip
-from mrdamp.control.ground_filter import Ground
-from mrdamp.control.lqg import first_order_hold
+from mrdamp.control.lqg import first_order_hold, outputs, plant
 from mrdamp.control.observe import Observer
-from mrdamp.control.plant import outputs, plant
 from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
 from mrdamp.structures import ShearFrame, dyke1996
+from mrdamp.train.imitation import Ground
 from refusals import refuses
 
 Array = NDArray[np.float64]

@@ -192,7 +192,7 @@ def test_nothing_of_the_diagnosis_knows_the_rig_that_makes_blind_cases() -> None
     package = Path(mrdamp.__file__).parent
     for file in package.rglob("*.py"):
         assert "studies" not in imported(file), file
-    for file in (*(package / "diagnosis").rglob("*.py"), package / "commands" / "diagnose.py"):
+    for file in (*(package / "diagnosis").rglob("*.py"), package / "commands" / "diagnosis.py"):
         text = file.read_text()
         assert "labels" not in text, file
         assert "blindtest" not in text, file

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mrdamp import cli
-from mrdamp.commands import diagnose as command
+from mrdamp.commands import diagnosis as command
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.fits import table
 from mrdamp.diagnosis.fits.least_squares import Fit, fit

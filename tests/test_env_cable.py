@@ -25,7 +25,7 @@ from mrdamp.envs import (
     WindLoads,
     cable_damper,
 )
-from mrdamp.envs.cable_task import Cable
+from mrdamp.envs.cable import Cable
 from mrdamp.envs.cable_xml import chain_xml
 from mrdamp.structures.cables import StayCable
 from refusals import refuses

@@ -32,8 +32,8 @@ from mrdamp.control.car import (
 )
 from mrdamp.control.registry import make
 from mrdamp.envs import Bumps, CarPlant, CarTask, RecordedRoads
-from mrdamp.envs.car_reward import linear_run
-from mrdamp.envs.car_xml import car_xml
+from mrdamp.envs.car import linear_run
+from mrdamp.envs.frame_xml import car_xml
 from mrdamp.simulation.comfort import weighted_rms, wk, wk_sections
 from mrdamp.simulation.roads import CLASSES, Road, bump, iso8608, read_road
 from mrdamp.structures.cars import QuarterCar
@@ -264,7 +264,7 @@ def test_the_lq_force_is_that_of_riccatis_equation() -> None:
 
 def test_mpc_is_the_discrete_regulator_where_nothing_binds(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("osqp", reason="needs the extra mpc")
-    from mrdamp.control.car_mpc import MpcForce
+    from mrdamp.control.car import MpcForce
 
     a, b, q, s, r = cost(0.3, 0.03, 1e-3)
     both = np.zeros((5, 5))

@@ -31,8 +31,8 @@ from mrdamp.envs import (
     StructureEnv,
     SyntheticMotions,
 )
-from mrdamp.envs.cable_loads import AmbientLoads
-from mrdamp.envs.reward import reference_run
+from mrdamp.envs.frame import reference_run
+from mrdamp.envs.loads import AmbientLoads
 from mrdamp.model import Effect, Model
 from mrdamp.motions import GroundMotion, kanai_tajimi
 from mrdamp.structures import ShearFrame, dyke1996

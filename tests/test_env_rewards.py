@@ -12,9 +12,9 @@ from scipy.integrate import solve_ivp
 from scipy.stats import spearmanr
 
 from mrdamp.control.passive import Constant
-from mrdamp.envs.cable_reward import CableReward, free_run
-from mrdamp.envs.car_reward import CarReward, linear_run
-from mrdamp.envs.reward import FrameReward, reference_run
+from mrdamp.envs.cable import CableReward, free_run
+from mrdamp.envs.car import CarReward, linear_run
+from mrdamp.envs.frame import FrameReward, reference_run
 from mrdamp.envs.weights import Score, Weights
 from mrdamp.model import Model
 from mrdamp.structures import ShearFrame

@@ -15,8 +15,8 @@ from command_call import caller
 from mrdamp.commands.identify import add_to
 from mrdamp.model import Model
 from mrdamp.narx import splits
-from mrdamp.narx.checkpoint import Checkpoint
 from mrdamp.narx.network import Network
+from mrdamp.narx.train import Checkpoint
 from mrdamp.records import Record, RecordSet, embedded
 from mrdamp.simulation.stepping import drive_rig
 from narx_data import made, motion, recursion, small
@@ -118,7 +118,7 @@ def test_protocol_of_varying_command(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_protocols_take_the_records_that_they_say() -> None:
-    half = splits.constant_command(embedded(), 0.5)
+    half = splits.of_records(splits.at_constant_command(embedded(), 0.5))
     assert {s.name for s in half.train} == {"sine_5.0Hz_5.0mm_0.50A", "triangle_1.0Hz_5.0mm_0.50A"}
     assert {s.name for s in half.validation} == {"sine_2.5Hz_1.0mm_0.50A", "triangle_2.5Hz_5.0mm_0.50A"}
     assert (half.channels, half.lags, half.units) == ("vF", 4, (9,))
@@ -126,7 +126,7 @@ def test_protocols_take_the_records_that_they_say() -> None:
     assert (whole.channels, whole.lags, whole.units) == ("viF", 4, (20,))
     cases: tuple[tuple[Callable[[], object], str], ...] = (
         (
-            lambda: splits.constant_command(embedded(), 0.6),
+            lambda: splits.of_records(splits.at_constant_command(embedded(), 0.6)),
             "no training record at the constant command 0.6",
         ),
         (lambda: splits.varying_command(embedded(), "sine_2.5Hz_5.0mm_0.00A"), "the command never varies"),

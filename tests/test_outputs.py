@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from mrdamp.cli import build_parser, main
-from mrdamp.commands.output import OutFile
+from mrdamp.commands import OutFile
 from mrdamp.files import together, write_atomic
 from mrdamp.motions import embedded_motion
 from mrdamp.records import embedded

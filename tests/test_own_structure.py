@@ -16,7 +16,7 @@ from env_arguments import OWN, dashpot
 from mrdamp import cli
 from mrdamp.envs import Goal, LinearStructure, Mechanics
 from mrdamp.envs.linear import own_kind
-from mrdamp.envs.plant import RowPlant
+from mrdamp.envs.plant_env import RowPlant
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
 from refusals import refuses

@@ -29,7 +29,7 @@ from mrdamp.identify.laws import PAPER_FOLLOWS
 from mrdamp.identify.norms import CENTIMETRE, record_norms
 from mrdamp.narx import Candidate, lagged, train_narx
 from mrdamp.narx.select import Effort, try_candidate
-from mrdamp.narx.splits import at_constant_command, constant_command, cut_varying, of_records, varying_command
+from mrdamp.narx.splits import at_constant_command, cut_varying, of_records, varying_command
 from mrdamp.narx.train import blank
 from mrdamp.records import Record, embedded
 
@@ -177,7 +177,7 @@ def test_figs_4_and_5_of_the_self_sensing_set() -> None:
 
 def test_all_data_are_scaled_as_in_section_3_2() -> None:
     """Every input and the force, over all training records, from -1 to 1."""
-    train = constant_command(embedded("self_sensing"), 0.5).train
+    train = of_records(at_constant_command(embedded("self_sensing"), 0.5)).train
     net = blank(train, lagged("xvF", 0), (9,))
     columns = [np.concatenate([getattr(s, name) for s in train]) for name in ("x", "v", "force", "force")]
     offsets, scales = [*net.offset, net.force_offset], [*net.scale, 1 / net.force_scale]
@@ -202,7 +202,7 @@ def test_the_random_current_is_the_papers() -> None:
 @pytest.mark.slow
 def test_figs_6_and_8_at_the_papers_size() -> None:
     """Without past forces the error is poor; v adds to F more than x does; nine units are better than one."""
-    half = constant_command(embedded("self_sensing"), 0.5)
+    half = of_records(at_constant_command(embedded("self_sensing"), 0.5))
 
     def error(channels: str, units: int) -> float:
         effort = Effort(horizons=())

@@ -27,7 +27,7 @@ from mrdamp.control.observe import Observer
 from mrdamp.control.policy import VELOCITY, Policy
 from mrdamp.control.told import told
 from mrdamp.envs import FramePlant, default_damper
-from mrdamp.envs.car_task import car_damper
+from mrdamp.envs.car import car_damper
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array

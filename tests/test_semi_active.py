@@ -16,10 +16,16 @@ from knowing import Known
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.control import Controller, ForceController, registry, skyhook
 from mrdamp.control.base import ZeroOrderHold
-from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
+from mrdamp.control.clipped_optimal import (
+    OptimalForce,
+    bang_bang,
+    lyapunov,
+    lyapunov_matrix,
+    max_dissipation,
+    optimal_force,
+)
 from mrdamp.control.force_control import Modulated, OnOff
-from mrdamp.control.lyapunov import bang_bang, lyapunov, lyapunov_matrix, max_dissipation
-from mrdamp.control.plant import outputs, plant
+from mrdamp.control.lqg import outputs, plant
 from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation import stepping
 from mrdamp.structures import ShearFrame, dyke1996

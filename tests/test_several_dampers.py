@@ -19,10 +19,9 @@ from mrdamp.compare.contenders import contenders
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.control.least_command import LeastCommand
-from mrdamp.control.lqg import regulator_gain
+from mrdamp.control.lqg import outputs, plant, regulator_gain
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.plant import outputs, plant
 from mrdamp.control.policy import Policy
 from mrdamp.envs import FrameEnv
 from mrdamp.envs import training_loads as loads
@@ -184,7 +183,7 @@ def test_what_is_trained_on_a_users_frame_is_compared_on_it(
     """From the model's file to the table, whose peaks are those of the environment's own episode in the engine."""
     pytest.importorskip("stable_baselines3", reason="needs stable-baselines3")
     few = loads.validation_motions(1, (1.0,))
-    monkeypatch.setattr("mrdamp.envs.frame_task.validation_motions", lambda: few)
+    monkeypatch.setattr("mrdamp.envs.frame.validation_motions", lambda: few)
     LOAD.save(tmp_path / "shake.csv")
     call: list[str | Path] = ["compare", "frame", "--model", file, "--motions", tmp_path / "shake.csv", "--jobs", "1"]
     arguments: dict[str, Any] = {"model": file, "timestep": 2.5e-4}

@@ -11,9 +11,9 @@ import pytest
 
 from command_call import caller
 from mrdamp.commands.compare import add_to
+from mrdamp.compare.benches import scaled
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
-from mrdamp.compare.spread import scaled
 from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.told import Told

@@ -22,14 +22,12 @@ from mrdamp.control.policy import Policy
 from mrdamp.envs import training_loads as loads
 from mrdamp.model import Effect
 from mrdamp.structures import dyke1996
-from mrdamp.train.evaluate import Judge, episodes, forces
 from mrdamp.train.imitation import imitated
-from mrdamp.train.learn import train
+from mrdamp.train.learn import Left, sweep, train, watched
 from mrdamp.train.run import explored, whitening
 from mrdamp.train.search import EvolutionRun
 from mrdamp.train.settings import Options, settings
-from mrdamp.train.sweep import Left, sweep, watched
-from mrdamp.train.worlds import world
+from mrdamp.train.worlds import Judge, episodes, forces, world
 from refusals import refuses
 
 Array = NDArray[np.float64]
@@ -45,7 +43,7 @@ SMALL = (
 @pytest.fixture(autouse=True)
 def few_validation_motions(monkeypatch: pytest.MonkeyPatch) -> None:
     few = loads.validation_motions(1, (0.5, 1.5))
-    monkeypatch.setattr("mrdamp.envs.frame_task.validation_motions", lambda: few)
+    monkeypatch.setattr("mrdamp.envs.frame.validation_motions", lambda: few)
 
 
 def small(seed: int = 0, *overrides: str) -> Options:

@@ -25,14 +25,14 @@ from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
 from mrdamp.envs import training_loads as loads
-from mrdamp.envs.frame_task import FrameTask
+from mrdamp.envs.frame import FrameTask
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.train.asymmetric import POLICIES, memory, network
-from mrdamp.train.evaluate import forces
 from mrdamp.train.gradient import GradientRun
 from mrdamp.train.learn import train
 from mrdamp.train.lessons import PolicyAction, Whitened
 from mrdamp.train.settings import Options, settings
+from mrdamp.train.worlds import forces
 from refusals import refuses
 
 PERIOD = 4e-3
@@ -41,7 +41,7 @@ PERIOD = 4e-3
 @pytest.fixture(autouse=True)
 def few_validation_motions(monkeypatch: pytest.MonkeyPatch) -> None:
     few = loads.validation_motions(1, (0.5, 1.5))
-    monkeypatch.setattr("mrdamp.envs.frame_task.validation_motions", lambda: few)
+    monkeypatch.setattr("mrdamp.envs.frame.validation_motions", lambda: few)
 
 
 def frames(n: int = 2) -> tuple[FrameTask, PlantVecEnv]:

@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.observe import Observer
-from mrdamp.envs.cable_loads import AmbientLoads
-from mrdamp.envs.chain_rows import Chained
+from mrdamp.envs.loads import AmbientLoads
+from mrdamp.envs.plants import Chained
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import TrainingRoads, some_motions
 from mrdamp.errors import InputError
-from mrdamp.train.evaluate import Act, episodes, forces
-from mrdamp.train.evolution import Cma, Shape, actions
 from mrdamp.train.imitation import estimated
-from mrdamp.train.worlds import world
+from mrdamp.train.search import Cma, Shape, actions
+from mrdamp.train.worlds import Act, episodes, forces, world
 from refusals import refuses
 
 Array = NDArray[np.float64]

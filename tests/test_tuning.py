@@ -17,7 +17,7 @@ from mrdamp.compare.contenders import shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.control.base import Controller
-from mrdamp.envs.cable_loads import CableLoad
+from mrdamp.envs.loads import CableLoad
 from mrdamp.errors import InputError
 from mrdamp.model import Effect
 from mrdamp.motions import TIME_SCALE, GroundMotion, kanai_tajimi

@@ -12,7 +12,7 @@ import pytest
 
 from excitation import Array
 from mrdamp import models_xml
-from mrdamp.envs.frame_task import default_damper
+from mrdamp.envs.frame import default_damper
 from mrdamp.envs.frame_xml import frame_models, frame_xml
 from mrdamp.structures import ShearFrame
 from mrdamp.warp.convert import convert

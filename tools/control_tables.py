@@ -21,15 +21,14 @@ import numpy as np
 
 from mrdamp.compare import tuning
 from mrdamp.compare.bench import Bench
+from mrdamp.compare.benches import PARTS, on_rows, scaled
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.car import CarBench
-from mrdamp.compare.comparison import Comparison
+from mrdamp.compare.comparison import Comparison, Summary, difference
 from mrdamp.compare.contenders import contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.motions import read_motions, unseen_motions
-from mrdamp.compare.spread import PARTS, on_rows, scaled
-from mrdamp.compare.summary import Summary, difference
 from mrdamp.compare.tables import markdown, short
 from mrdamp.files import write_atomic
 from mrdamp.model import Effect

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamp.compare.benches import scaled
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.motions import tuning_motions
-from mrdamp.compare.spread import scaled
 from mrdamp.control.passive import Replay
 from mrdamp.files import write_atomic
 from mrdamp.motions import TIME_SCALE

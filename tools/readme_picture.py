@@ -8,12 +8,12 @@ damper's colour is its current, blue (none) to orange (2.25 V). Shown at a tenth
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from mrdamp import sets
 from mrdamp.control import clipped_optimal
 from mrdamp.demo.animation import animate
-from mrdamp.model import Model, effects_from
 from mrdamp.motions import embedded_motion
 from mrdamp.simulation.stepping import run_frame
 from mrdamp.structures import dyke1996
@@ -24,9 +24,7 @@ FILE = Path(__file__).resolve().parents[1] / "docs" / "pictures" / "frame.webp"
 def main() -> int:
     file = Path(sys.argv[1]) if len(sys.argv) > 1 else FILE
     damper, frame = sets.load("dyke1996_3kN"), dyke1996()
-    model = Model(
-        damper.law, dict(damper.parameters), effects_from(damper.attributes()), rig="frame", structure=frame
-    )
+    model = replace(damper.model(), rig="frame", structure=frame)
     motion = embedded_motion().compressed(5.0)
     runs = [run_frame(model, motion, c) for c in (None, clipped_optimal(frame, damper.command.max))]
     drawn = animate(model, runs, ("no damper", "MR damper, controlled"), damper.command.max)

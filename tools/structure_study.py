@@ -17,15 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.compare.summary import difference
+from mrdamp.compare.comparison import difference
 from mrdamp.control.policy import Policy
 from mrdamp.envs import Frame, default_damper
 from mrdamp.envs.randomise import varied
 from mrdamp.envs.training_loads import by_motion, reported_motions
 from mrdamp.model import Model
 from mrdamp.structures import dyke1996
-from mrdamp.train.evaluate import episodes, forces
-from mrdamp.train.worlds import World
+from mrdamp.train.worlds import World, episodes, forces
 
 PERIOD = 0.002
 

@@ -8,25 +8,21 @@ the whole run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.compare.rollouts import Slopes, matter
-from mrdamp.envs.frame_task import FrameTask
+from mrdamp.compare.rollouts import Slopes, differences, matter
+from mrdamp.envs.frame import FrameTask
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import HEADER
-from mrdamp.train.evaluate import begun
-from mrdamp.train.worlds import World
-
-Act = Callable[[NDArray[np.float32]], Array]
+from mrdamp.train.worlds import Act, World, begun
 
 _STEP = 1e-3  # s, of the chain: peaks are within .3 % of those of a quarter of it
-_NUDGE = 1e-6  # of a state or command over its size, as in mrdamp.compare.rollouts
 _PROBED = 64  # periods at which it is looked up which states matter
 _ROWS = 1008  # rows that slopes are taken with at once
 #: Periods before a near-peak that slopes are taken in, .3 s of a frame whose first period is .18 s; and what counts as
@@ -127,35 +123,21 @@ class ClosedLoop:
         """At (p,) pairs of a control period and a row of the last run."""
         if not len(self.moving):
             self._find_states(run)
-        moving, scale, many, largest = self.moving, self.scale, len(self.moving), float(self.task.command_max[0])
-        each, width = many + 2, len(self.columns)
-        chunk, p = _ROWS // each, len(periods)
-        self.periods += p * each
+        own = np.zeros(_ROWS, dtype=np.intp)
+
+        def placed(at: NDArray[np.intp]) -> None:
+            own[: len(at)] = at % self.n
+            plants.share(self.task.rows.plants, own)
+
+        self.periods += len(periods) * (len(self.moving) + 2)
         if self._rows is None:
             self._rows = FrameTask(_ROWS, **self._given).rows
-        plants, given = self._rows.plants, np.zeros((_ROWS, 1))
-        a, b = np.zeros((p, many, many), np.float32), np.zeros((p, many), np.float32)
-        c, d = np.zeros((p, width, many), np.float32), np.zeros((p, width), np.float32)
-        own = np.zeros(_ROWS, dtype=np.intp)
-        for begin in range(0, p, chunk):
-            k, row = periods[begin : begin + chunk], rows[begin : begin + chunk]
-            m, here = len(k), slice(begin, begin + chunk)
-            u = run.commands[k, row]
-            # Away from the limit that is nearer: at a limit the chain cuts commands off.
-            du = np.where(u > largest / 2, -1.0, 1.0) * _NUDGE * largest
-            changed = np.repeat(run.states[k, row][:, None], each, axis=1)
-            changed[:, np.arange(many), moving] += _NUDGE * scale
-            commands = np.repeat(u[:, None], each, axis=1)
-            commands[:, many] += du
-            own[: m * each] = np.repeat(row, each)
-            plants.share(self.task.rows.plants, own)
-            plants.state[: m * each], given[: m * each, 0] = changed.reshape(m * each, -1), commands.ravel()
-            y = plants.advance(given)[1][: m * each, self.columns].reshape(m, each, -1)
-            after = plants.state[: m * each, moving].reshape(m, each, -1)
-            dx, dy = (after[:, :-1] - after[:, -1:]) / scale, y[:, :-1] - y[:, -1:]
-            a[here], b[here] = dx[:, :many].transpose(0, 2, 1) / _NUDGE, dx[:, many] / du[:, None]
-            c[here], d[here] = dy[:, :many].transpose(0, 2, 1) / _NUDGE, dy[:, many] / du[:, None]
-        return Slopes(a, b, c, d)
+        plants, limits = self._rows.plants, (0.0, float(self.task.command_max[0]))
+        states, commands = run.states.reshape(-1, run.states.shape[-1]), run.commands.ravel()
+        at = periods * self.n + rows
+        return differences(
+            plants, states, commands, at, self.columns, self.moving, self.scale, limits, kind=np.float32, placed=placed
+        )
 
     def needed(self, by_channel: Array) -> NDArray[np.bool_]:
         """(T, n) periods from which a change reaches a period that a value depends on, within the horizon."""

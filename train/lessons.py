@@ -30,8 +30,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
 from mrdamp.model.core import Array
-from mrdamp.train.evaluate import begun, forces
-from mrdamp.train.worlds import World
+from mrdamp.train.worlds import World, begun, forces
 
 Single = NDArray[np.float32]
 
@@ -80,7 +79,7 @@ def _runs(world: World, task: Task, loads: Sequence[Any], policy: Policy) -> lis
     policy.reset()
     many = len(loads)
     observation = begun(task, [*loads, *[loads[0]] * (task.n - many)])
-    columns = [task.score.NAMES.index(c.measure) for c in world.criteria]
+    columns = [task.score.NAMES.index(name) for name in world.criteria]
     steps, longest = task.rows.steps[:many].copy(), int(task.rows.steps[:many].max())
     criteria = np.zeros((longest, many, len(columns)))
     measured = np.zeros((longest + 1, many, len(task.rows.names)), np.float32)

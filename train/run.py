@@ -26,10 +26,9 @@ from mrdamp.files import together, write_atomic
 from mrdamp.model.core import Array
 from mrdamp.parallel import Progress
 from mrdamp.shown import Shown
-from mrdamp.train.evaluate import Judge, forces
 from mrdamp.train.imitation import estimated, imitated, with_ground
 from mrdamp.train.settings import Options, Settings
-from mrdamp.train.worlds import World, world
+from mrdamp.train.worlds import Judge, World, forces, world
 
 _EXPLORED = (8, 2500)  # rows and control periods, whole motions of them, that the whitening is taken from
 _HELD = 50  # control periods that an action is held for there

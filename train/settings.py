@@ -15,7 +15,7 @@ from mrdamp.files import decode, read_bytes
 from mrdamp.outside import NAMED
 
 #: Those of stable-baselines3, `recurrent` (RecurrentPPO of sb3-contrib), the evolution strategy of
-#: `mrdamp.train.evolution`, and the gradients through the chain of `mrdamp.train.adjoint`.
+#: `mrdamp.train.search`, and the gradients through the chain of `mrdamp.train.adjoint`.
 ALGORITHMS = ("a2c", "adjoint", "ddpg", "es", "ppo", "recurrent", "sac", "td3")
 _WHOLE = ("pool", "freeze", "renew")
 
@@ -51,9 +51,7 @@ class Options:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        own = {k: str(v) if isinstance(v, Path) else v for k, v in vars(self).items()}
-        # Trainings of one model keep the key that they had before there were others.
-        del own["others"]
+        own = {k: str(v) if isinstance(v, Path) else v for k, v in vars(self).items() if k != "others"}
         return own | ({"others": [str(f) for f in self.others]} if self.others else {})
 
 
@@ -65,7 +63,7 @@ class Settings:
     evaluated in MuJoCo. n_timesteps: control periods in all. action: `command`, or `force`: the wanted force, which the
     damper's command follows by `ForceLevels`; switch: on/off. estimator: a classical controller, as
     `clipped-optimal:r=1e-9`, whose Kalman filter's states are observed besides. ground: of a Kalman filter of frame
-    and ground that is observed too, see `mrdamp.control.ground_filter.Ground`, or several; none: no such filter.
+    and ground that is observed too, see `mrdamp.train.imitation.Ground`, or several; none: no such filter.
     normalize: whiten the observations. viscous: `ForceLevels` with the damper's viscous part, which needs the stroke's
     velocity among the signals; ahead: s by signal, that lead that velocity, see `Policy`. teacher: a classical
     controller whose wanted force, as a linear function of the observations, is what the learner begins at; reach:

@@ -1,24 +1,26 @@
-"""The structures that a policy can be trained in: tasks, loads, and what a policy is evaluated by."""
+"""The structures that a policy can be trained in: tasks and loads, what it is evaluated by, episodes of many rows."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamp.control.base import Controller
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.observe import Observer
-from mrdamp.envs.cable_task import Cable
-from mrdamp.envs.car_task import Car
-from mrdamp.envs.frame_task import Frame
+from mrdamp.control.policy import Policy
+from mrdamp.envs.cable import Cable
+from mrdamp.envs.car import Car
+from mrdamp.envs.frame import Frame
 from mrdamp.envs.linear import own_kind
-from mrdamp.envs.plant import RowPlant
+from mrdamp.envs.plant_env import RowPlant
 from mrdamp.envs.randomise import Randomise
-from mrdamp.envs.structure import Criterion, Structure
+from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, divided
 from mrdamp.envs.weights import OF_DAMPERS
 from mrdamp.errors import InputError
@@ -46,24 +48,27 @@ class World:
     scored: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def criteria(self) -> tuple[Criterion, ...]:
-        """What the score is made of."""
+    def criteria(self) -> Mapping[str, float]:
+        """What the score is made of: weights of the measures."""
         return self.kind.criteria(**{**self.kind.scored, **self.scored})
 
     @property
     def measures(self) -> tuple[str, ...]:
         """The fields of `info` that are kept of an episode."""
-        return (*(c.measure for c in self.criteria), "mean_current")
+        return (*self.criteria, "mean_current")
 
     @property
     def shares(self) -> Array:
         """(criteria,) of the score."""
-        weights = np.array([c.weight for c in self.criteria])
+        weights = np.array(list(self.criteria.values()))
         return np.asarray(weights / weights.sum())
 
     def sizes_of(self, period: Array) -> Array:
-        """(n, criteria) from what happened in a control period, (n, ...)."""
-        return np.stack([period[:, c.column] ** c.power for c in self.criteria], axis=1)
+        """(n, criteria) from what happened in a control period, (n, ...). A measure is nearly the mean over time of
+        sizes^exponent to the power of 1/exponent: a peak for large exponents."""
+        totals = {total.name: total for total in self.kind.weights.totals}
+        used = [totals[name] for name in self.criteria]
+        return np.stack([period[:, t.column] ** (0.5 if t.how == "rms" else 1.0) for t in used], axis=1)
 
     @staticmethod
     def current_of(period: Array) -> Array:
@@ -130,7 +135,7 @@ class World:
 
     def score(self, means: Mapping[str, float]) -> float:
         """Of the means of the measures over the validation loads; smaller is better."""
-        return sum(c.weight * means[c.measure] for c in self.criteria) / sum(c.weight for c in self.criteria)
+        return sum(weight * means[name] for name, weight in self.criteria.items()) / sum(self.criteria.values())
 
 
 WORLDS: Mapping[str, type[Structure]] = {
@@ -167,3 +172,66 @@ def world(
     except TypeError as error:
         raise InputError(f"{environment}: env_kwargs: {error}") from None
     return chosen
+
+
+Act = Callable[[NDArray[np.float32]], Array]
+
+
+def begun(task: Task, loads: Sequence[Any]) -> NDArray[np.float32]:
+    """Observations (n, size) at the start of the n rows of a task, row k under loads[k]."""
+    rngs = [np.random.default_rng(k) for k in range(task.n)]
+    return np.concatenate([task.reset([k], rngs, {task.structure.option: load})[0] for k, load in enumerate(loads)])
+
+
+def episodes(task: Task, world: World, loads: Sequence[Any], act: Act) -> tuple[dict[str, Array], int]:
+    """The world's measures (n,) of the n rows of a task, row k under loads[k], and the control periods of all rows.
+
+    act: commands (n,), or (n, dampers), A or V, from observations (n, size).
+    """
+    observation = begun(task, loads)
+    alive, periods = np.ones(task.n, dtype=np.bool_), 0
+    columns = [task.score.NAMES.index(name) for name in world.measures]
+    found = np.zeros((task.n, len(columns)))
+    while alive.any():
+        step = task.drive(act(observation))
+        ended = step.over & alive
+        found[ended] = step.info[ended][:, columns]
+        periods += int(alive.sum())
+        alive &= ~step.over
+        observation = step.observation
+    return dict(zip(world.measures, found.T, strict=True)), periods
+
+
+def forces(task: Task, observation: NDArray[np.float32]) -> Array:
+    """(n,) N, the damper's, as observations (n, size) hold it; zero where they do not."""
+    return task.observer.measured(observation, "force")
+
+
+class Judge:
+    """Runs policies on loads, all at once. worlds: one or several, that take the loads in turn; their observer must be
+    that of the policies. Raises InputError where a world has no load."""
+
+    def __init__(self, worlds: World | Sequence[World], loads: Sequence[Any]) -> None:
+        several = list(worlds) if isinstance(worlds, Sequence) else [worlds]
+        if len(several) > len(loads):
+            raise InputError(f"{len(several)} models for {len(loads)} loads; allowed: a load each at least")
+        parts = [list(loads[k :: len(several)]) for k in range(len(several))]
+        self._parts = [(w, part, w.judging(len(part))) for w, part in zip(several, parts, strict=True)]
+
+    def __call__(self, policy: Policy | float) -> dict[str, Array]:
+        """(loads,) for each of the world's measures, world by world; a number is a constant command."""
+        found = [self._one(policy, *part) for part in self._parts]
+        return {name: np.concatenate([f[name] for f in found]) for name in found[0]}
+
+    def _one(
+        self, policy: Policy | float, world: World, loads: Sequence[Any], task: Task
+    ) -> dict[str, Array]:
+        if isinstance(policy, Policy):
+            policy.reset()
+
+        def act(observation: NDArray[np.float32]) -> Array:
+            if isinstance(policy, Policy):
+                return policy.commands(observation, forces(task, observation))
+            return np.full(len(observation), policy)
+
+        return episodes(task, world, loads, act)[0]

@@ -105,8 +105,8 @@ def train(
     options: of `mrdamp.train.settings.Options` (timesteps, model, overrides, evaluations, ...).
     """
     from mrdamp.errors import InputError
+    from mrdamp.train.learn import sweep
     from mrdamp.train.settings import Options
-    from mrdamp.train.sweep import sweep
 
     if not seeds:
         raise InputError("train: seeds is empty; give at least one")

@@ -12,25 +12,22 @@ from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import (
+    OutFile,
+    OutFolder,
     Run,
     add_command,
     calibrate,
-    case,
-    citation,
     completion,
-    convert,
-    datasets,
-    diagnose,
-    gap,
+    diagnosis,
     inverse,
     named_model,
-    sensitivity,
+    progress_bar,
+    records,
     table1,
 )
 from mrdamp.commands import compare as comparing
 from mrdamp.commands import identify as identification
 from mrdamp.commands import train as training
-from mrdamp.commands.output import OutFile, OutFolder, progress_bar
 from mrdamp.errors import EngineError, InputError, first_line
 from mrdamp.interrupts import unguard
 from mrdamp.outside import NAMED
@@ -106,10 +103,7 @@ def build_parser() -> argparse.ArgumentParser:
     identification.add_to(commands)
     table1.add_to(commands)
     calibrate.add_to(commands)
-    case.add_to(commands)
-    diagnose.add_to(commands)
-    sensitivity.add_to(commands)
-    gap.add_to(commands)
+    diagnosis.add_to(commands)
     inverse.add_to(commands)
     comparing.add_to(commands)
     training.add_to(commands)
@@ -140,9 +134,14 @@ def build_parser() -> argparse.ArgumentParser:
     sets.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
     sets.add_argument("--include", action="store_true", help="print the path of the set's MJCF, for <include>")
 
-    convert.add_to(commands)
-    datasets.add_to(commands)
-    citation.add_to(commands)
+    records.add_to(commands)
+    cite = add(
+        "citation", _citation, "what to cite for a force law or a published parameter set",
+        "mrdamp citation modified_bouc_wen --bibtex",
+    )  # fmt: skip
+    cite.add_argument("name", nargs="?", help="law or parameter set (default: every law)")
+    cite.add_argument("--bibtex", action="store_true", help="the law's sources as BibTeX")
+    cite.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
     plugin_path = add("plugin-path", _plugin_path, "print where the plugin library lies", "mrdamp plugin-path")
     plugin_path.add_argument("--include", action="store_true", help="print the folder of mrdamp.h, the C interface")
     completion.add_to(commands, parser)
@@ -258,11 +257,11 @@ def _sets(a: argparse.Namespace) -> int:
     from mrdamp import models_xml, sets
 
     if a.name:
-        sets.load(a.name)  # says which there are where there is none of that name
+        found = sets.load(a.name)
         if a.include:
             print(models_xml.damper(a.name))
             return 0
-        print(json.dumps(named_model(a.name).to_dict(), indent=1))
+        print(json.dumps(found.model().to_dict(), indent=1))
         return 0
     every = [sets.load(name) for name in sets.names()]
     if a.json:
@@ -271,6 +270,31 @@ def _sets(a: argparse.Namespace) -> int:
         return 0
     for found in every:
         print(f"{found.id:28s} {found.law:20s} {found.status}  {found.device}")
+    return 0
+
+
+def _citation(a: argparse.Namespace) -> int:
+    import json
+    from dataclasses import asdict
+
+    from mrdamp.model.citations import citation, references
+
+    if a.bibtex and a.json:
+        raise InputError("--bibtex and --json exclude each other")
+    names = [a.name] if a.name else list(references())
+    found = {name: citation(name) for name in names}
+    if a.json:
+        out = {
+            name: {"cite": lines, "references": [asdict(r) for r in sources]}
+            for name, (lines, sources) in found.items()
+        }
+        print(json.dumps(out, indent=1))
+    elif a.bibtex:
+        unique = {r.key: r for _, sources in found.values() for r in sources}
+        print("\n\n".join(reference.bibtex() for reference in unique.values()))
+    else:
+        for name, (lines, _) in found.items():
+            print("\n  ".join([f"{name}:", *lines]))
     return 0
 
 

@@ -8,8 +8,7 @@ import sys
 from functools import partial
 
 from mrdamp.cli import main as run
-from mrdamp.commands import command_parser
-from mrdamp.commands.output import OutFolder, progress_bar
+from mrdamp.commands import OutFolder, command_parser, progress_bar
 from mrdamp.errors import InputError
 from studies.blindtest import baselines, misfit_score, report, score
 from studies.blindtest import run as blind

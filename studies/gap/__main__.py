@@ -10,9 +10,8 @@ from functools import partial
 from pathlib import Path
 
 from mrdamp.cli import main as run
-from mrdamp.commands import command_parser
-from mrdamp.commands.gap import add_options
-from mrdamp.commands.output import OutFolder, progress_bar, save_picture
+from mrdamp.commands import OutFolder, command_parser, progress_bar, save_picture
+from mrdamp.commands.diagnosis import add_options
 from mrdamp.files import together, write_atomic
 from mrdamp.model import Model
 from studies.gap.page import COLUMNS, errors, gap_rows, page, score_rows, scores, ways

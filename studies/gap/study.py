@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.compare.summary import ratio
+from mrdamp.compare.comparison import ratio
 from mrdamp.control.base import Controller
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.run import diagnose

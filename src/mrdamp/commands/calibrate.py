@@ -8,10 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import add_command
+from mrdamp.commands import OutFolder, Picture, add_command, add_json, check_written
 from mrdamp.commands.identify_json import reporting
-from mrdamp.commands.output import OutFolder, Picture, check_written
-from mrdamp.commands.record_options import add_json
 from mrdamp.errors import InputError
 from mrdamp.files import together
 

@@ -10,8 +10,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import add_command, named_model
-from mrdamp.commands.output import OutFolder, progress_bar, save_picture, silent_output
+from mrdamp.commands import OutFolder, add_command, named_model, progress_bar, save_picture, silent_output
 from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
 

@@ -7,19 +7,24 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import HOLD, add_command
-from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, reporting
-from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
-from mrdamp.commands.output import OutFile, Picture, progress_bar, save_picture, show_progress
-from mrdamp.commands.record_options import (
+from mrdamp.commands import (
+    HOLD,
+    OutFile,
+    Picture,
+    add_command,
     add_json,
     add_records,
     add_signals,
     as_recorded,
     follows,
     prepared,
+    progress_bar,
     read,
+    save_picture,
+    show_progress,
 )
+from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, reporting
+from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
 from mrdamp.errors import InputError
 from mrdamp.files import together
 

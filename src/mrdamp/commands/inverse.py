@@ -8,8 +8,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import add_command, named_model, seed
-from mrdamp.commands.output import OutFolder, Picture, progress_bar, save_picture
+from mrdamp.commands import OutFolder, Picture, add_command, named_model, progress_bar, save_picture, seed
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -61,9 +60,8 @@ def run_inverse(a: argparse.Namespace) -> int:
     from mrdamp import sets
     from mrdamp.files import together
     from mrdamp.inverse.network import NetworkInverse
-    from mrdamp.inverse.page import draw, write_page
     from mrdamp.inverse.tracking import RandomMotion
-    from mrdamp.inverse.trial import trial
+    from mrdamp.inverse.trial import draw, trial, write_page
     from mrdamp.records import read_records
 
     if not 2.0 <= a.seconds < math.inf:

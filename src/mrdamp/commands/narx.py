@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrdamp.commands import OutFile, save_picture
 from mrdamp.commands.identify_json import of_network
-from mrdamp.commands.output import OutFile, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,9 +17,8 @@ if TYPE_CHECKING:
     from mrdamp.narx.error_bars import Sufficiency
     from mrdamp.narx.select import Trial
     from mrdamp.narx.splits import DataSplit
+    from mrdamp.parallel import Progress
     from mrdamp.records import RecordSet
-
-Progress = Callable[[str, float], None]
 
 #: Force at rest over the largest deviation of a training force, above which it is more than a preload's error.
 _REST = 0.05
@@ -149,13 +147,13 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
 
 def _splits(a: argparse.Namespace, records: RecordSet) -> DataSplit:
     from mrdamp.narx.data import PROTOCOL_TIME
-    from mrdamp.narx.splits import constant_command, of_records, varying_command
+    from mrdamp.narx.splits import at_constant_command, of_records, varying_command
 
     if a.protocol == "records":
         return of_records(records, a.sample_time)
     step = a.sample_time or PROTOCOL_TIME
     if a.protocol == "constant":
-        return constant_command(records, a.command, step)
+        return of_records(at_constant_command(records, a.command), step)
     return varying_command(records, a.record, _counts(a.counts), step)
 
 

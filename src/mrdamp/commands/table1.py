@@ -6,10 +6,18 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from mrdamp.commands import add_command
+from mrdamp.commands import (
+    Picture,
+    add_command,
+    add_json,
+    add_records,
+    add_signals,
+    progress_bar,
+    read,
+    save_picture,
+    show_progress,
+)
 from mrdamp.commands.identify_json import of_table, reporting
-from mrdamp.commands.output import Picture, progress_bar, save_picture, show_progress
-from mrdamp.commands.record_options import add_json, add_records, add_signals, read
 from mrdamp.errors import InputError
 
 

@@ -9,12 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import add_command
-from mrdamp.commands.output import OutFolder, progress_bar, save_picture
+from mrdamp.commands import OutFolder, add_command, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
-    from mrdamp.train.sweep import Setting
+    from mrdamp.train.learn import Setting
 
 _ALGORITHMS = ("ppo", "recurrent", "sac", "td3", "a2c", "ddpg", "es", "adjoint")
 _WHOLE = "a learner takes whole generations or rollouts"
@@ -73,8 +72,8 @@ def run_train(a: argparse.Namespace) -> int:
     """Trains, and prints the validation figures of every seed."""
     from mrdamp.files import together
     from mrdamp.train import curves
+    from mrdamp.train.learn import sweep
     from mrdamp.train.settings import Options, settings
-    from mrdamp.train.sweep import sweep
 
     if a.seeds < 1:
         raise InputError("--seeds must be at least 1")

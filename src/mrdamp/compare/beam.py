@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.plant_run import WINDOW, PlantBench
+from mrdamp.compare.bench import UNCONTROLLED, WINDOW, PlantBench
 from mrdamp.control.passive import Replay
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import ChainRows, Stepping
@@ -25,11 +24,8 @@ Cost = Callable[[ChainRows], Array]
 ToCome = Callable[[ChainRows, int], Array]
 
 
-@dataclass(frozen=True)
-class Beam:
-    """widths: runs that are kept, one search after the other: their values show how far the search has converged."""
-
-    widths: tuple[int, ...] = (4, 16, 64)
+#: Runs that are kept, one search after the other: their values show how far the search has converged.
+WIDTHS = (4, 16, 64)
 
 
 @dataclass(frozen=True)
@@ -47,14 +43,13 @@ def search(
     levels: Array,
     cost: Cost,
     to_come: ToCome,
-    beam: Beam | None = None,
+    widths: Sequence[int] = WIDTHS,
 ) -> Found:
     """The best commands out of levels (levels,) that beams of each width find.
 
     make: rows at the start under the load, from their number.
     """
-    beam = beam or Beam()
-    found = [_one(make(width * len(levels)), periods, width, levels, cost, to_come) for width in beam.widths]
+    found = [_one(make(width * len(levels)), periods, width, levels, cost, to_come) for width in widths]
     commands, least = min(found, key=lambda pair: pair[1])
     costs = np.minimum.accumulate([value for _, value in found])
     return Found(commands, least, tuple(costs.tolist()))

@@ -1,4 +1,4 @@
-"""What is compared: a structure with its damper and loads; `FrameBench` and `CableBench` are such benches."""
+"""What is compared: a structure with its damper and loads, and one run of a controller on it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from mrdamp import __version__
 from mrdamp.compare import own
 from mrdamp.compare.motions import UNSEEN_AMPLITUDES, read_motions
 from mrdamp.control import registry
-from mrdamp.control.base import Controller
-from mrdamp.envs.plants import of_engine
+from mrdamp.control.base import Controller, ZeroOrderHold
+from mrdamp.envs.plant_env import RowPlant
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, task_of
-from mrdamp.errors import InputError, require_period, require_positive
+from mrdamp.errors import InputError, require_one_of, require_period, require_positive
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -84,29 +84,15 @@ ELECTRIC: tuple[Measure, ...] = (
 )
 
 
-@dataclass(frozen=True)
-class Coil:
-    """What the command's power goes into. resistance: ohm; amperes: of coil current per unit of the command.
+def coil(command_unit: str, mean: float, mean_square: float, duration: float) -> dict[str, float]:
+    """mean_current and rms_current, A, and coil_energy, J in 5 ohm, from the current in units of the command.
 
-    Defaults: 5 ohm; a command in V is that of the current driver of Spencer, Dyke, Sain and Carlson 1997
+    A command in V is that of the current driver of Spencer, Dyke, Sain and Carlson 1997
     (doi 10.1061/(ASCE)0733-9399(1997)123:3(230)), 1 A at 3 V, and one in A is the current itself.
     """
-
-    resistance: float = 5.0
-    amperes: float = 1.0
-
-    @classmethod
-    def of(cls, command_unit: str) -> Coil:
-        return cls(amperes=1 / 3 if command_unit == "V" else 1.0)
-
-    def use(self, mean: float, mean_square: float, duration: float) -> dict[str, float]:
-        """mean_current and rms_current, A, and coil_energy, J, from the current in units of the command."""
-        square = self.amperes**2 * mean_square
-        return {
-            "mean_current": self.amperes * mean,
-            "rms_current": math.sqrt(square),
-            "coil_energy": self.resistance * square * duration,
-        }
+    amperes = 1 / 3 if command_unit == "V" else 1.0
+    square = amperes**2 * mean_square
+    return {"mean_current": amperes * mean, "rms_current": math.sqrt(square), "coil_energy": 5.0 * square * duration}
 
 
 _MOST = 10_000_000  # periods of a run: results of more may not fit into memory
@@ -140,8 +126,8 @@ class Bench(ABC):
 
     measures: of a run. headline: keys of the measures that a short table shows. claimed: keys of those by which a
     learned controller is set against the others. tuned: controllers that are tuned, by name -> their kind. default:
-    controllers of the default table. unseen_amplitudes: of the loads of the evaluation. objective: what tuning makes
-    small, measure -> its name in the `info` of a task, and its weight. reference: denominator of the ratios, in words.
+    controllers of the default table. unseen_amplitudes: of the loads of the evaluation. reference: denominator of the
+    ratios, in words.
     bounds: name -> weights by key of measure, which a clairvoyant command minimises; empty without such a search. base:
     spec of the constant command that gains count from. tuning_step: of the engine while controllers are tuned, s,
     at least.
@@ -154,7 +140,6 @@ class Bench(ABC):
     measures: ClassVar[tuple[Measure, ...]]
     headline: ClassVar[tuple[str, ...]]
     claimed: ClassVar[tuple[str, ...]]
-    objective: ClassVar[Mapping[str, tuple[str, float]]]
     unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
     reference: ClassVar[str] = WITHOUT
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
@@ -164,7 +149,7 @@ class Bench(ABC):
     def __post_init__(self) -> None:
         require_period("compare", self.period)
         require_positive("compare", timestep=self.timestep)
-        of_engine(self.structure.engines, self.engine)
+        require_one_of("", self.structure.engines, engine=self.engine)
 
     @property
     @abstractmethod
@@ -188,6 +173,15 @@ class Bench(ABC):
     def effort(self, kind: str) -> tuple[int, int]:
         """A search runs every so many-th of the tuning loads, its last choice all or a quarter of them; and how many
         control periods a search may take."""
+
+    def clairvoyant(self, starts: Mapping[str, Sequence[str]], load: Any, amplitude: float) -> dict[str, Any]:
+        """Searches for `bounds`, where there are any: on the chain, then in the bench's own engine.
+
+        starts: bound -> specs of controllers, the best first; the best one takes the place of a found run that is
+        worse. The answer, for JSON: bound -> `values`, as of a run, and `paths`, one a start: its name (`start`), what
+        was made small after every step of the search (`values`), and why it `ended`.
+        """
+        raise NotImplementedError
 
     @abstractmethod
     def unseen_loads(self) -> Sequence[Any]:
@@ -232,7 +226,15 @@ class Bench(ABC):
 
     @property
     def default(self) -> tuple[str, ...]:
-        return DEFAULT
+        return tuple(name for name in DEFAULT if name not in TUNED or name in self.tuned)
+
+    @property
+    def objective(self) -> Mapping[str, tuple[str, float]]:
+        """What tuning makes small, as what policies are trained for: measure -> its name in the `info` of a task, and
+        its weight."""
+        weights = self.structure.criteria(**self.structure.scored)
+        whole = sum(weights.values())
+        return {name.removesuffix("_ratio"): (name, weight / whole) for name, weight in weights.items()}
 
     @property
     def command_max(self) -> float:
@@ -301,3 +303,82 @@ class Bench(ABC):
         forces = self.forces(load)
         sizes = load.duration, np.abs(forces).max(), np.sqrt(np.mean(forces * forces))
         return [load.name, forces.shape, *(f"{x:.6g}" for x in sizes)]
+
+
+#: s. Every run is as long as with control periods of this, so that no controller is judged by motion that another's run
+#: is too short for; a period that is no multiple of it is stepped in parts of at most _PART.
+WINDOW = 5e-3
+_PART = 1e-3
+
+
+@dataclass(frozen=True)
+class PlantRun:
+    """Samples every `period` (s): results of the rows for each period (n, columns), at its end command and current (A
+    or V), force (N) and stroke (m), (n,) each."""
+
+    period: float
+    of_period: Array
+    command: Array
+    current: Array
+    force: Array
+    stroke: Array
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return self.period * len(self.command)
+
+    def electric(self, unit: str, command_max: float) -> dict[str, Any]:
+        """`ELECTRIC` by key."""
+        way = float(np.abs(np.diff(self.command)).sum())
+        return {
+            "mean_command": float(np.abs(self.command).mean()),
+            "rms_command": float(np.sqrt(np.mean(self.command**2))),
+            "switching_rate": way / command_max / self.duration,
+            **coil(unit, float(np.abs(self.current).mean()), float(np.mean(self.current**2)), self.duration),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantBench(Bench):
+    """Base of benches whose runs are those of a `RowPlant`."""
+
+    command_unit: str = "V"
+    period: float = 5e-3
+    timestep: float = 5e-4
+    engine: str = "mujoco"
+
+    def run(self, spec: str, load: Any, amplitude: float) -> dict[str, Any]:
+        if spec == UNCONTROLLED:
+            return self.uncontrolled(load.scaled(amplitude))
+        return self.driven(self.controller(spec), load, amplitude)
+
+    @abstractmethod
+    def uncontrolled(self, load: Any) -> dict[str, Any]:
+        """What is kept of the run that ratios are over."""
+
+    @abstractmethod
+    def kept(self, run: PlantRun) -> dict[str, Any]:
+        """What is kept of a controller's run, besides `PlantRun.electric`."""
+
+    def driven(self, controller: Controller, load: Any, amplitude: float) -> dict[str, Any]:
+        """What is kept of a controller's run. Raises InputError."""
+        scaled, every = load.scaled(amplitude), round(controller.period / WINDOW)
+        if every < 1 or abs(every * WINDOW - controller.period) > 1e-9 * WINDOW:
+            every = math.ceil(controller.period / _PART - 1e-9)
+        period = controller.period / every
+        for each in (controller.period, period):
+            require_periods(scaled, each)
+        plant = RowPlant(self.structure, period=period, timestep=self.timestep, engine=self.engine)
+        sampled, measured = ZeroOrderHold(controller, every), self.measured
+        plant.rows.window = WINDOW
+        sampled.reset()
+        y, rows, said = plant.reset(scaled), [], []
+        while not plant.finished:
+            # In a copy of its own.
+            command = sampled.command(plant.time, {name: y[name] for name in measured})
+            y = plant.step(command)
+            rows.append((command, y["current"], y["true_force"], y["stroke"]))
+            said.append(tuple(plant.of_period))
+        run = PlantRun(period, np.array(said), *np.array(rows).T)
+        return {**self.kept(run), **run.electric(self.command_unit, self.site.command_max)}

@@ -1,30 +1,196 @@
-"""The bench of each structure by name, and a whole comparison on one."""
+"""The bench of each structure by name, and a whole comparison on one: also with bounds, and on other structures."""
 
 from __future__ import annotations
 
+import hashlib
+import itertools
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Unpack
 
-from mrdamp.compare.bench import Bench
-from mrdamp.compare.bound import with_bounds
+import numpy as np
+
+from mrdamp.compare import clairvoyant
+from mrdamp.compare.beam import WIDTHS
+from mrdamp.compare.bench import Bench, Load, digest
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.comparison import Comparison, compare, distinct
-from mrdamp.compare.contenders import contenders, shipped_policies
+from mrdamp.compare.contenders import Contender, contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.goals import GoalBench
-from mrdamp.compare.runner import How
-from mrdamp.compare.spread import with_spread
-from mrdamp.compare.tuning import Setting, settings_for
+from mrdamp.compare.runner import How, run_all
+from mrdamp.compare.tuning import Loops, Setting, settings_for
+from mrdamp.control import registry
 from mrdamp.envs.linear import own_kind
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model import Model
-from mrdamp.motions import TIME_SCALE
+from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.outside import NAMED
 from mrdamp.structures import dyke1996
+
+_VERSION = 2  # of the search
+
+
+@dataclass(frozen=True)
+class Case:
+    """The searches on a bench for one load at one amplitude. starts: bound -> specs of controllers, the best first."""
+
+    bench: Bench
+    load: Load
+    amplitude: float
+    starts: Mapping[str, tuple[str, ...]]
+
+    def key(self) -> str:
+        specs = {
+            name: [self.bench.key(spec, self.load, self.amplitude) for spec in some]
+            for name, some in self.starts.items()
+        }
+        effort = {**vars(clairvoyant.Effort()), "widths": WIDTHS}
+        return hashlib.sha256(json.dumps([_VERSION, effort, specs]).encode()).hexdigest()[:32]
+
+    def run(self) -> dict[str, Any]:
+        return self.bench.clairvoyant(self.starts, self.load, self.amplitude)
+
+
+def with_bounds(
+    bench: Bench,
+    result: Comparison,
+    loads: Sequence[Load],
+    *,
+    starts: int = 1,
+    **how: Unpack[How],
+) -> Comparison:
+    """A comparison with the bench's bounds as rows of their own, searched for from the best `starts` runs of each case.
+
+    A bound is not worse than any controller of the comparison in any case. loads: those of the result. Raises
+    InputError.
+    """
+    if not bench.bounds:
+        raise InputError(
+            f"compare: there is no clairvoyant command for the {bench.environment}; leave --bound out"
+        )
+    if starts < 1:
+        raise InputError(f"compare: bound from {starts} controllers; allowed: 1 or more")
+    result = replace(result, base=bench.base)
+    result.start_of_way()
+    cases = []
+    for (i, load), (j, amplitude) in itertools.product(enumerate(loads), enumerate(result.amplitudes)):
+        best = {name: _best(result, weights, i, j)[:starts] for name, weights in bench.bounds.items()}
+        cases.append(Case(bench, load, amplitude, best))
+    found = run_all(cases, "bound", **how)
+    shape = 1, len(loads), len(result.amplitudes)
+    values = {
+        name: {
+            m.key: np.array([f[name]["values"][m.key] for f in found]).reshape(shape) for m in bench.measures
+        }
+        for name in bench.bounds
+    }
+    rows = tuple(Contender(name, (name,), bound=True) for name in bench.bounds)
+    paths = {
+        (case.load.name, case.amplitude): {name: f[name]["paths"] for name in bench.bounds}
+        for case, f in zip(cases, found, strict=True)
+    }
+    return replace(
+        result,
+        contenders=(*result.contenders, *rows),
+        values={**result.values, **values},
+        bounds=dict(bench.bounds),
+        paths=paths,
+    )
+
+
+def _best(result: Comparison, weights: Mapping[str, float], load: int, amplitude: int) -> tuple[str, ...]:
+    """Specs of the controllers of a damper, the best in one case first."""
+    rated = {
+        spec: float(value)
+        for c in result.contenders
+        if not c.bound and not any(spec.partition(":")[0] == registry.IDEAL for spec in c.specs)
+        for spec, value in zip(c.specs, result.score(c.name, weights)[:, load, amplitude], strict=True)
+    }
+    return tuple(sorted(rated, key=rated.__getitem__))
+
+
+PARTS = ("stiffness", "mass")
+
+
+def scaled(model: Model, part: str, factor: float) -> Model:
+    """The model of a frame with the stiffness of every storey, or the mass of every floor, times a factor."""
+    assert model.structure is not None
+    return replace(model, structure=replace(model.structure, **{part: factor * getattr(model.structure, part)}))
+
+
+class _Case(NamedTuple):
+    """A controller, all of its seeds, on rows of one of several structures."""
+
+    bench: FrameBench
+    row: Contender
+    loads: tuple[GroundMotion, ...]
+    amplitudes: tuple[float, ...]
+
+    def key(self) -> str:
+        cases = itertools.product(self.row.specs, self.loads, self.amplitudes)
+        return digest(["rows", *(self.bench.key(*case) for case in cases)])
+
+    def run(self) -> dict[str, Any]:
+        loads = [self.bench.played(load, a) for load in self.loads for a in self.amplitudes]
+        found = Loops(self.bench, loads, len(self.row.specs)).run(
+            [self.bench.controller(spec) for spec in self.row.specs]
+        )
+        return {key: values.tolist() for key, values in found.items()}
+
+
+def on_rows(
+    benches: Mapping[str, FrameBench],
+    rows: Sequence[Contender],
+    loads: Sequence[GroundMotion],
+    amplitudes: Sequence[float],
+    **how: Unpack[How],
+) -> dict[str, Comparison]:
+    """Comparisons on several benches, whose measures are those that make the objective."""
+    shape = len(loads), len(amplitudes)
+    tasks = [_Case(bench, row, tuple(loads), tuple(amplitudes)) for bench in benches.values() for row in rows]
+    results = iter(run_all(tasks, "structures", **how))
+    found = {}
+    for name, bench in benches.items():
+        values = {
+            row.name: {key: np.array(each).reshape(-1, *shape) for key, each in next(results).items()} for row in rows
+        }
+        found[name] = Comparison(
+            tuple(rows), tuple(m for m in bench.measures if m.key in bench.objective), tuple(m.name for m in loads),
+            tuple(amplitudes), values, base=bench.base,
+            objective={key: weight for key, (_, weight) in bench.objective.items()},
+        )  # fmt: skip
+    return found
+
+
+def with_spread(
+    bench: FrameBench,
+    result: Comparison,
+    loads: Sequence[GroundMotion],
+    percent: Sequence[float],
+    **how: Unpack[How],
+) -> Comparison:
+    """The comparison, with `others`: stiffness and mass less and more by each percentage, on rows of the chain.
+
+    percent: above 0 and below 100.
+    """
+    # An ideal actuator is no damper, and rows have dampers.
+    rows = [c for c in result.contenders if not c.bound and not registry.is_ideal(c.specs[0])]
+    if result.base not in [c.name for c in rows]:
+        rows.insert(0, Contender(result.base, (result.base,)))
+    signed, told = sorted({sign * p for p in percent for sign in (-1, 1)}), bench.told or bench.model
+    benches = {
+        f"{part} {p:+g} %": replace(bench, model=scaled(bench.model, part, 1 + p / 100), told=told)
+        for part in PARTS
+        for p in signed
+    }
+    others = on_rows(benches, rows, loads, result.amplitudes, **how)
+    return replace(result, others=others)
+
 
 #: Name, or id of the environment with or without its namespace -> structure.
 STRUCTURES = {

@@ -1,23 +1,28 @@
-"""A stay cable under ambient and wind loads: one run, what is kept of it, and what tuning tries."""
+"""A stay cable under ambient and wind loads: one run, what is kept of it, what tuning tries; clairvoyant commands."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+from scipy.signal import cont2discrete
 
-from mrdamp.compare.bench import ELECTRIC, Measure
-from mrdamp.compare.plant_run import PlantBench, PlantRun
+from mrdamp.compare.beam import judged, search, started
+from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, PlantBench, PlantRun
 from mrdamp.control.cable import CableSite
+from mrdamp.control.registry import largest_force
 from mrdamp.control.told import knowledge
-from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
-from mrdamp.envs.cable_reward import free_run
-from mrdamp.envs.cable_task import Cable, cable_damper, default_places
+from mrdamp.envs.cable import Cable, cable_damper, default_places, free_run
+from mrdamp.envs.linear_rows import CableChain
+from mrdamp.envs.loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.model import Model
+from mrdamp.model.core import Array
+from mrdamp.simulation.rows import ChainRows
 from mrdamp.structures.cables import StayCable
 
 #: Seeds of the loads; from nine million on they are for judging alone.
@@ -41,7 +46,6 @@ class CableBench(PlantBench):
     )
     headline: ClassVar[tuple[str, ...]] = ("motion", "peak_force", "mean_command", "switching_rate")
     claimed: ClassVar[tuple[str, ...]] = ("motion", "mean_command")
-    objective: ClassVar[Mapping[str, tuple[str, float]]] = {"motion": ("motion_ratio", 1.0)}
     #: The motion is that of half of it within .001.
     tuning_step: ClassVar[float] = 2.5e-4
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {"clairvoyant": {"motion": 1.0}}
@@ -52,10 +56,10 @@ class CableBench(PlantBench):
 
     @cached_property
     def site(self) -> CableSite:
-        largest = self.command_max
-        return CableSite(
-            self.cable, largest, default_places(self.cable), self._force_max(largest), self.period, self.model
-        )
+        cable, largest = self.cable, self.command_max
+        # In a slow motion of 1 % of the damper's distance from the anchorage.
+        force = largest_force(self.model, largest, 0.01 * cable.damper_at * cable.length, cable.first, 2000)
+        return CableSite(cable, largest, default_places(cable), force, self.period, self.model)
 
     def uncontrolled(self, load: CableLoad) -> dict[str, Any]:
         free = free_run(self.cable, self.cable.forces(load.force, load.places), load.sample_time)
@@ -91,9 +95,63 @@ class CableBench(PlantBench):
             f"its length, control period {1e3 * self.period:g} ms; {knowledge(self.model)}"
         )
 
-    def _force_max(self, largest: float) -> float:
-        """N at the largest command, in a slow motion of 1 % of the damper's distance from the anchorage."""
-        dt, n = 1e-3, 2000
-        x = 0.01 * self.cable.damper_at * self.cable.length * np.sin(self.cable.first * dt * np.arange(n))
-        run = self.model.simulate(dt, {"displacement_m": x, "command": np.full(n, largest)})
-        return float(np.abs(run["force_N"]).max())
+    def clairvoyant(self, starts: Mapping[str, Sequence[str]], load: CableLoad, amplitude: float) -> dict[str, Any]:
+        scaled, whole = load.scaled(amplitude), self.cable.mass * self.cable.length
+        uncontrolled = self.run(UNCONTROLLED, load, amplitude)
+        rows = partial(started, self, CableChain, _STEP, scaled)
+        periods = int(rows(1).steps[0])
+        forces = self.cable.forces(scaled.force, scaled.places)
+        to_come = ToCome(self.cable, forces, scaled.sample_time, self.period, periods)
+
+        def cost(plants: ChainRows) -> Array:
+            return np.asarray(np.square(plants.coordinates()).sum(axis=1))
+
+        found = search(lambda n: rows(n).plants, periods, np.array([0.0, self.command_max]), cost, to_come)
+        values = [math.sqrt(c / periods / whole) / uncontrolled["motion"] for c in found.costs]
+        return {
+            name: judged(self, name, starts[name][0], load, amplitude, found.commands, values)
+            for name in self.bounds
+        }
+
+
+#: s, of the chain at most. The motion is up to 2.2 % below that in MuJoCo at 0.25 ms, .2 % in the median of 18
+#: cases; at 1 ms it was 3 % in one of two.
+_STEP = 5e-4
+#: Damping of the modes in the estimate of what is to come: about what the damper adds. Of .01 to .1 the one with the
+#: least motion under one ambient load, and among .01, .02 and .05 under one wind load.
+_RATIO = 0.05
+
+
+class ToCome:
+    """Sum of the squares of the modes' coordinates at the ends of the periods to come, up to what depends on no state:
+    of modes that are damped by _RATIO, without the damper, under the load. Linear-quadratic, backwards in time.
+
+    forces (samples, modes), N, every sample_time, s.
+    """
+
+    def __init__(
+        self, cable: StayCable, forces: Array, sample_time: float, period: float, periods: int
+    ) -> None:
+        damped = replace(cable, ratio=_RATIO)
+        many = len(damped.natural)
+        a, self._square, b = np.empty((many, 2, 2)), np.empty((many, 2, 2)), np.empty((many, 2))
+        for i, w in enumerate(damped.natural):
+            system = np.array([[0.0, 1.0], [-w * w, -2 * _RATIO * w]]), np.array([[0.0], [1.0]])
+            a[i], step = cont2discrete((*system, np.eye(2), np.zeros((2, 1))), period)[:2]
+            b[i] = step[:, 0]
+            # Without the present coordinate, which is among what was so far.
+            self._square[i] = solve_discrete_lyapunov(a[i].T, a[i].T @ np.diag([1.0, 0.0]) @ a[i])
+        middle = period * (np.arange(periods) + 0.5)
+        samples = sample_time * np.arange(len(forces))
+        push = np.stack([np.interp(middle, samples, column) for column in forces.T], axis=1)
+        now = self._square + np.diag([1.0, 0.0])
+        self._linear = np.zeros((periods + 1, many, 2))
+        for k in range(periods - 1, -1, -1):
+            after = self._linear[k + 1] + np.einsum("nij,nj->ni", now, b * push[k][:, None])
+            self._linear[k] = np.einsum("nij,ni->nj", a, after)
+
+    def __call__(self, plants: ChainRows, period: int) -> Array:
+        """(n,) after a number of periods."""
+        x = np.stack([plants.coordinates(), plants.velocities()], axis=-1)
+        square = np.einsum("mni,nij,mnj->m", x, self._square, x)
+        return np.asarray(square + 2 * np.einsum("mni,ni->m", x, self._linear[period]))

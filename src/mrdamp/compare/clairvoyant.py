@@ -187,7 +187,7 @@ def _change(rollouts: Rollouts, objective: Peaks, path: Path, hold: int, effort:
     for k in np.unique(period):
         horizon_periods[max(0, k - effort.horizon) : k] = True
     at = np.flatnonzero(horizon_periods)
-    each = sensitivity(rollouts.slopes(y, states, commands, at), at, period, channel, effort.horizon)
+    each = sensitivity(rollouts.slopes(states, commands, at), at, period, channel, effort.horizon)
     blocks = at // hold
     first = np.flatnonzero(np.diff(blocks, prepend=-1))
     slope = np.add.reduceat(each, first, axis=1)

@@ -7,7 +7,7 @@ Smart Materials and Structures 5 (1996) 565-575, doi 10.1088/0964-1726/5/5/006: 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from mrdamp.compare import tables
 from mrdamp.control import clipped_optimal, passive_off, passive_on
 from mrdamp.control.base import Controller
 from mrdamp.errors import InputError
-from mrdamp.model import Model, effects_from
+from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.motions import TIME_SCALE, GroundMotion, read_motion
 from mrdamp.pictures.compare import deviations
@@ -58,10 +58,7 @@ class TableRow:
 
 def frame_model() -> Model:
     """The damper of the paper in its frame."""
-    found = sets.load("dyke1996_3kN")
-    effects = effects_from({k: v for k, v in found.attributes().items() if k not in found.parameters})
-    parameters = dict(found.parameters)
-    return Model(found.law, parameters, effects, rig="frame", structure=dyke1996(), name=found.id)
+    return replace(sets.load("dyke1996_3kN").model(), rig="frame", structure=dyke1996())
 
 
 def el_centro(given: Path | None = None) -> GroundMotion:

@@ -1,4 +1,4 @@
-"""A frame under ground motions: one run, what is kept of it, and what tuning tries."""
+"""A frame under ground motions: one run, what is kept of it, what tuning tries; clairvoyant commands."""
 
 from __future__ import annotations
 
@@ -10,18 +10,24 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mrdamp.compare.bench import DEFAULT, ELECTRIC, UNCONTROLLED, Bench, Coil, Measure, require_periods
+from mrdamp.compare.beam import least
+from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Bench, Measure, coil, require_periods
+from mrdamp.compare.clairvoyant import Path, Peaks, search
 from mrdamp.compare.motions import unseen_motions
+from mrdamp.compare.rollouts import Rollouts
 from mrdamp.control import registry
 from mrdamp.control.base import OWN, Controller, ZeroOrderHold, sensor_name
+from mrdamp.control.passive import Replay
 from mrdamp.control.told import knowledge
-from mrdamp.envs.frame_task import Frame
-from mrdamp.envs.plant import FramePlant
+from mrdamp.envs.frame import Frame, FramePlant
+from mrdamp.envs.frame_rows import FrameChain
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, Model
+from mrdamp.model.core import Array
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.floor_sensors import FloorSensors
+from mrdamp.simulation.rows import Stepping
 from mrdamp.simulation.stepping import FrameRun, run_frame
 
 #: Of what is kept of a run: a controller with a longer period is held in between, so that no peak is missed.
@@ -52,11 +58,6 @@ class FrameBench(Bench):
     )
     headline: ClassVar[tuple[str, ...]] = ("J1", "J2", "J4", "J5", "mean_command", "switching_rate")
     claimed: ClassVar[tuple[str, ...]] = ("J1", "J2", "mean_command")
-    #: The mean of peak drift and peak acceleration over the uncontrolled ones.
-    objective: ClassVar[Mapping[str, tuple[str, float]]] = {
-        "J1": ("drift_ratio", 0.5),
-        "J2": ("acceleration_ratio", 0.5),
-    }
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {
         "clairvoyant": {"J1": 0.5, "J2": 0.5},
         "clairvoyant-drift": {"J1": 1.0},
@@ -83,7 +84,12 @@ class FrameBench(Bench):
     @property
     def default(self) -> tuple[str, ...]:
         """Of several dampers without an ideal actuator."""
-        return DEFAULT if self.places[1:] else (*DEFAULT, registry.IDEAL)
+        return super().default if self.places[1:] else (*super().default, registry.IDEAL)
+
+    @property
+    def objective(self) -> Mapping[str, tuple[str, float]]:
+        """The mean of peak drift and peak acceleration over the uncontrolled ones."""
+        return {"J1": ("drift_ratio", 0.5), "J2": ("acceleration_ratio", 0.5)}
 
     @property
     def places(self) -> tuple[tuple[int, int], ...]:
@@ -155,8 +161,8 @@ class FrameBench(Bench):
         mean, square = (
             float(np.trapezoid(v, r.time, axis=0).mean()) / c.duration for v in (np.abs(r.current), r.current**2)
         )
-        coil = Coil.of(self.command_unit).use(mean, square, c.duration)
-        return {"criteria": kept, "coil": {**coil, "coil_energy": len(self.places) * coil["coil_energy"]}}
+        one = coil(self.command_unit, mean, square, c.duration)
+        return {"criteria": kept, "coil": {**one, "coil_energy": len(self.places) * one["coil_energy"]}}
 
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         c, coil = _criteria(kept), kept["coil"]
@@ -193,6 +199,36 @@ class FrameBench(Bench):
             f"{knowledge(self.told or self.model)}"
             + (f", of {self.told.name} in place of the true model" if self.told else "")
         )
+
+    def clairvoyant(self, starts: Mapping[str, Sequence[str]], load: GroundMotion, amplitude: float) -> dict[str, Any]:
+        """The first bound is searched for from its starts and from passive-off, the others from what the first one
+        found and from their starts but the best."""
+        free = self.history(UNCONTROLLED, load, amplitude)
+        uncontrolled = self.kept(UNCONTROLLED, free)
+        period = min(self.period, PERIOD)
+        specs = dict.fromkeys([spec for some in starts.values() for spec in some] + [_EXTRA])
+        runs = {spec: self.history(spec, load, amplitude) for spec in specs}
+        played = self.played(load, amplitude)
+        commands = {spec: _held_commands(run, period, played.duration) for spec, run in runs.items()}
+        rollouts, peaks = frame_rollouts(self, played, period), Scales(free)
+        rollouts.periods = min(rollouts.periods, 1 + max(peaks.last(run, period) for run in runs.values()))
+        out: dict[str, Any] = {}
+        first: Path | None = None
+        for name, weights in self.bounds.items():
+            own = starts[name]
+            begin = {spec: commands[spec] for spec in (own if first is None else own[1:])}
+            begin |= {_EXTRA: commands[_EXTRA]} if first is None else {next(iter(self.bounds)): first.commands}
+            paths = search(rollouts, list(begin.items()), peaks.objective(weights))
+            first = first or paths[0]
+            tail = commands.get(paths[0].name, commands[_EXTRA])
+            found = np.concatenate([paths[0].commands, tail[len(paths[0].commands) :]])
+            replay = self.driven(Replay(found, period, name), load, amplitude)
+            judged = [self.values(self.kept(name, run), uncontrolled) for run in (replay, runs[own[0]])]
+            out[name] = {
+                "values": least(judged, weights),
+                "paths": [{"start": p.name, "values": p.values, "ended": p.ended} for p in paths],
+            }
+        return out
 
 
 def _criteria(kept: Mapping[str, Any]) -> Criteria:
@@ -247,3 +283,54 @@ def run_rows(
     force, stroke, current, given = (part if m > 1 else part[:, 0] for part in each)
     time = controller.period * np.arange(len(found), dtype=np.float64)
     return FrameRun(time, drift, acceleration, force, stroke, given, current)
+
+
+#: s, of the clairvoyant command at most.
+PERIOD = 1e-3
+#: s, of the chain. What a search makes small is within 0.3 % of what it is at a quarter of this step.
+_STEP = 1e-3
+#: Of the largest sample under the starts, what a search still looks at; what comes behind the last such sample keeps
+#: the start's command.
+_STILL = 0.4
+_EXTRA = "passive-off"  # a start besides the given ones: far from all of them
+
+
+class Scales:
+    """What the channels (drifts, accelerations) are taken over: the uncontrolled peaks, as J1 and J2."""
+
+    def __init__(self, free: FrameRun) -> None:
+        self.storeys = free.drift.shape[1]
+        largest = np.abs(free.drift).max(), np.abs(free.acceleration).max()
+        self.scale = np.repeat(largest, self.storeys)
+
+    def objective(self, weights: Mapping[str, float]) -> Peaks:
+        of = np.array([weights.get(key, 0.0) for key in ("J1", "J2")])
+        return Peaks(of, self.scale, np.repeat([0, 1], self.storeys))
+
+    def last(self, run: FrameRun, period: float) -> int:
+        """The period after which no sample is large."""
+        size = np.abs(np.hstack([run.drift, run.acceleration])) / self.scale
+        for group in (slice(0, self.storeys), slice(self.storeys, None)):
+            size[:, group] /= size[:, group].max()
+        return int(np.ceil(run.time[np.flatnonzero(size.max(axis=1) >= _STILL)[-1]] / period))
+
+
+def frame_rollouts(bench: FrameBench, played: GroundMotion, period: float) -> Rollouts:
+    """On the chain, with the drifts and accelerations as channels."""
+    ideal = tuple(e for e in bench.model.effects if e.place is None or e.name not in FLOOR_SENSOR_EFFECTS)
+    model, largest = replace(bench.model, effects=ideal), np.array([bench.site.command_max])
+
+    def make(n: int) -> FrameChain:
+        return FrameChain(Frame(model), Stepping(period, min(period, _STEP), largest, n))
+
+    names = make(1).names
+    floors = range(1, bench.site.frame.storeys + 1)
+    columns = [names.index(f"{what}_{j}") for what in ("drift", "acceleration") for j in floors]
+    return Rollouts(make, played, columns, 0.0, float(largest[0]))
+
+
+def _held_commands(run: FrameRun, period: float, duration: float) -> Array:
+    """A run's commands (n,) at a period (s), held as they were."""
+    time = period * np.arange(int(np.floor(duration / period + 1e-9)) + 1)
+    at = np.searchsorted(run.time, time + 1e-9, side="right") - 1
+    return np.asarray(run.command[at])

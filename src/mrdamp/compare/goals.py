@@ -13,8 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, Measure
-from mrdamp.compare.plant_run import WINDOW, PlantBench, PlantRun
+from mrdamp.compare.bench import ELECTRIC, TUNED, WINDOW, Measure, PlantBench, PlantRun
 from mrdamp.control import registry
 from mrdamp.control.told import knowledge
 from mrdamp.envs.linear import LinearStructure
@@ -53,19 +52,8 @@ class GoalBench(PlantBench):
         return (*self.structure.goals, "mean_command")
 
     @property
-    def objective(self) -> Mapping[str, tuple[str, float]]:  # type: ignore[override]
-        """The goals over the run without the damper, by their weights."""
-        goals = self.structure.goals
-        whole = sum(goal.weight for goal in goals.values())
-        return {name: (f"{name}_ratio", goal.weight / whole) for name, goal in goals.items()}
-
-    @property
     def tuned(self) -> Mapping[str, str]:
         return {name: kind for name, kind in TUNED.items() if kind != "skyhook" or self.structure.rod}
-
-    @property
-    def default(self) -> tuple[str, ...]:
-        return tuple(name for name in DEFAULT if name != "skyhook-tuned" or self.structure.rod)
 
     @cached_property
     def site(self) -> registry.AnySite:

@@ -9,10 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Load
-from mrdamp.compare.comparison import Comparison
+from mrdamp.compare.comparison import Comparison, Summary, difference
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import SAMPLE_TIME, FrameBench
-from mrdamp.compare.summary import Summary, difference
 from mrdamp.compare.tables import (
     claims,
     differences_csv,

@@ -91,10 +91,10 @@ class Rollouts:
                 y[:, k + 1] = plants.advance(commands[:, k : k + 1])[1][:, self.columns]
         return y, kept
 
-    def slopes(self, y: Array, states: Array, commands: Array, at: Whole) -> Slopes:
+    def slopes(self, states: Array, commands: Array, at: Whole) -> Slopes:
         """At the periods `at` (p,), all before the last one, of one run, by forward differences of the chain itself.
 
-        y, states, commands: of that run. States that change neither in it nor by a command, or that nothing depends on,
+        states, commands: of that run. States that change neither in it nor by a command, or that nothing depends on,
         are left out.
         """
         some = at[np.linspace(0, len(at) - 1, min(len(at), _PROBED)).astype(np.intp)]
@@ -103,8 +103,12 @@ class Rollouts:
         changing = (states != states[0]).any(axis=0) | (stepped > 0)
         moving = np.flatnonzero(changing & np.isfinite(scale))
         moving = moving[moving >= HEADER]
-        moving = moving[matter(self._differences(y, states, commands, some, moving, scale[moving]))]
-        return self._differences(y, states, commands, at, moving, scale[moving])
+        moving = moving[matter(self._differences(states, commands, some, moving, scale[moving]))]
+        return self._differences(states, commands, at, moving, scale[moving])
+
+    def _differences(self, states: Array, commands: Array, at: Whole, moving: Whole, scale: Array) -> Slopes:
+        plants, limits = self.rows(_ROWS).plants, (self.low, self.high)
+        return differences(plants, states, commands, at, self.columns, moving, scale, limits)
 
     def _commanded(self, states: Array, commands: Array, at: Whole) -> Array:
         """(size,) how far a step of the command by half of its range moves each state within a few periods.
@@ -121,34 +125,6 @@ class Rollouts:
             plants.advance(given)
         return np.asarray(np.abs(plants.state[m : 2 * m] - plants.state[:m]).max(axis=0))
 
-    def _differences(
-        self, y: Array, states: Array, commands: Array, at: Whole, moving: Whole, scale: Array
-    ) -> Slopes:
-        many = len(moving)
-        each, nudge = many + 1, _NUDGE * (self.high - self.low)
-        a, b = np.empty((len(at), many, many)), np.empty((len(at), many))
-        c, d = np.empty((len(at), len(self.columns), many)), np.empty((len(at), len(self.columns)))
-        plants, chunk = self.rows(_ROWS).plants, _ROWS // each
-        given = np.zeros((_ROWS, 1))
-        for begin in range(0, len(at), chunk):
-            now = at[begin : begin + chunk]
-            m, here = len(now), slice(begin, begin + chunk)
-            x = np.repeat(states[now], each, axis=0).reshape(m, each, -1)
-            x[:, np.arange(many), moving] += _NUDGE * scale
-            u = np.repeat(commands[now], each).reshape(m, each)
-            # Away from the limit that is nearer: at a limit the chain cuts commands off.
-            du = np.where(commands[now] > (self.low + self.high) / 2, -nudge, nudge)
-            u[:, -1] += du
-            plants.state[: m * each] = x.reshape(m * each, -1)
-            given[: m * each, 0] = u.ravel()
-            measured = plants.advance(given)[1][: m * each, self.columns].reshape(m, each, -1)
-            after = plants.state[: m * each, moving].reshape(m, each, -1)
-            dx = (after - states[now + 1][:, None, moving]) / scale
-            dy = measured - y[now + 1][:, None]
-            a[here], b[here] = dx[:, :-1].transpose(0, 2, 1) / _NUDGE, dx[:, -1] / du[:, None]
-            c[here], d[here] = dy[:, :-1].transpose(0, 2, 1) / _NUDGE, dy[:, -1] / du[:, None]
-        return Slopes(a, b, c, d)
-
     def rows(self, n: int) -> Any:
         """n rows under the load, made once; every run starts them again."""
         if n not in self._rows:
@@ -164,6 +140,50 @@ class Rollouts:
         assert self._moment is not None
         for row in range(rows.plants.n):
             rows.restore(row, (self._moment, None))
+
+
+def differences(
+    plants: Any,
+    states: Array,
+    commands: Array,
+    at: Whole,
+    columns: Sequence[int],
+    moving: Whole,
+    scale: Array,
+    limits: tuple[float, float],
+    *,
+    kind: type[np.floating[Any]] = np.float64,
+    placed: Callable[[Whole], None] = lambda at: None,
+) -> Slopes:
+    """Forward differences of the chain over a period, between rows with one state or the command changed and one as is.
+
+    plants: rows to use; states (k, size) and commands (k,) of runs, of which those `at` (p,) are taken; columns: of the
+    measurements that are the channels; moving, scale: states that are changed, and their sizes; limits: of commands;
+    kind: of the result's numbers; placed: called with the place `at` of each row, where rows differ by that.
+    """
+    (low, high), many, rows = limits, len(moving), plants.n
+    each = many + 2
+    a, b = np.empty((len(at), many, many), kind), np.empty((len(at), many), kind)
+    c, d = np.empty((len(at), len(columns), many), kind), np.empty((len(at), len(columns)), kind)
+    given, chunk = np.zeros((rows, 1)), rows // each
+    for begin in range(0, len(at), chunk):
+        here = slice(begin, begin + chunk)
+        now = at[here]
+        m = len(now)
+        x = np.repeat(states[now][:, None], each, axis=1)
+        x[:, np.arange(many), moving] += _NUDGE * scale
+        u = np.repeat(commands[now][:, None], each, axis=1)
+        # Away from the limit that is nearer: at a limit the chain cuts commands off.
+        du = np.where(commands[now] > (low + high) / 2, -1.0, 1.0) * _NUDGE * (high - low)
+        u[:, many] += du
+        placed(np.repeat(now, each))
+        plants.state[: m * each], given[: m * each, 0] = x.reshape(m * each, -1), u.ravel()
+        y = plants.advance(given)[1][: m * each, columns].reshape(m, each, -1)
+        after = plants.state[: m * each, moving].reshape(m, each, -1)
+        dx, dy = (after[:, :-1] - after[:, -1:]) / scale, y[:, :-1] - y[:, -1:]
+        a[here], b[here] = dx[:, :many].transpose(0, 2, 1) / _NUDGE, dx[:, many] / du[:, None]
+        c[here], d[here] = dy[:, :many].transpose(0, 2, 1) / _NUDGE, dy[:, many] / du[:, None]
+    return Slopes(a, b, c, d)
 
 
 def matter(slopes: Slopes) -> Whole:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from operator import methodcaller
 from pathlib import Path
 from typing import Any, Protocol, TypedDict, Unpack
 
 from mrdamp.compare.bench import digest
 from mrdamp.errors import InputError
-from mrdamp.parallel import mapped
-
-Progress = Callable[[str, float], None]
+from mrdamp.parallel import Progress, mapped
 
 
 class How(TypedDict, total=False):

@@ -11,8 +11,7 @@ from collections.abc import Container, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from mrdamp.compare.bench import Bench
-from mrdamp.compare.comparison import Comparison
-from mrdamp.compare.summary import Summary, difference
+from mrdamp.compare.comparison import Comparison, Summary, difference
 
 Row = tuple[str, ...]
 

@@ -1,11 +1,16 @@
 """Controllers of MR dampers: constant commands, clipped-optimal and its kin, Lyapunov, skyhook, force tracking."""
 
 from mrdamp.control.base import Controller
-from mrdamp.control.clipped_optimal import clipped_optimal, force_tracking, ideal_active, modulated_optimal
-from mrdamp.control.force_control import ForceController
-from mrdamp.control.lyapunov import lyapunov, max_dissipation
+from mrdamp.control.clipped_optimal import (
+    clipped_optimal,
+    force_tracking,
+    ideal_active,
+    lyapunov,
+    max_dissipation,
+    modulated_optimal,
+)
+from mrdamp.control.force_control import ForceController, skyhook
 from mrdamp.control.passive import Constant, passive_off, passive_on
-from mrdamp.control.skyhook import skyhook
 
 __all__ = [
     "Constant",

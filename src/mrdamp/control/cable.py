@@ -21,7 +21,7 @@ import numpy as np
 
 from mrdamp.control import registry
 from mrdamp.control.clipped_optimal import Lqg
-from mrdamp.control.plant import Linear, Plant, outputs_of, plant_of
+from mrdamp.control.lqg import Linear, Plant, outputs_of, plant_of
 from mrdamp.model import Model
 from mrdamp.structures import FloatArray
 from mrdamp.structures.cables import StayCable
@@ -39,7 +39,7 @@ _OPTIMAL = {"r": 1e-9, "noise_ratio": 10.0}
 @dataclass(frozen=True)
 class CableSite(registry.AnySite):
     """Of a cable: the cable, the largest command (A or V), the places x / L where its motion is measured (as in
-    `mrdamp.envs.cable_task.Cable`), the force at the largest command, N, the control period, s, and the damper's model.
+    `mrdamp.envs.cable.Cable`), the force at the largest command, N, the control period, s, and the damper's model.
 
     r: weight of the force squared, m2/N2, against the mean square motion. noise_ratio: intensity of each load's noise
     ((N/m)^2 s) over that of the measurements', in units of 0.05 m/s2 and 0.02 mm.

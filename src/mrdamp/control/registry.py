@@ -17,13 +17,14 @@ from mrdamp.control.clipped_optimal import (
     clipped_optimal,
     force_tracking,
     ideal_active,
+    lyapunov,
+    max_dissipation,
     modulated_optimal,
 )
+from mrdamp.control.force_control import skyhook
 from mrdamp.control.least_command import AtLeast, LeastCommand
-from mrdamp.control.lyapunov import lyapunov, max_dissipation
+from mrdamp.control.lqg import Linear, linear
 from mrdamp.control.passive import Constant, passive_off, passive_on
-from mrdamp.control.plant import Linear, linear
-from mrdamp.control.skyhook import skyhook
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.structures import ShearFrame
@@ -122,10 +123,10 @@ def largest_command(model: Model) -> float:
     return largest
 
 
-def largest_force(damper: Model, command: float) -> float:
-    """N at a command, the size of a damper's forces: of one moved at 0.1 m/s through 1 cm."""
-    dt, n = 1e-3, 200
-    x = 1e-2 * np.sin(10 * dt * np.arange(n))
+def largest_force(damper: Model, command: float, stroke: float = 1e-2, w: float = 10.0, n: int = 200) -> float:
+    """N at a command, the size of a damper's forces: of one moved by a sine of `stroke` (m) and w (rad/s) for n ms."""
+    dt = 1e-3
+    x = stroke * np.sin(w * dt * np.arange(n))
     u = np.full(n, command)
     return float(np.abs(damper.simulate(dt, {"displacement_m": x, "command": u})["force_N"]).max())
 

@@ -66,7 +66,6 @@ def identify_by_command(
     follows: Sequence[str] | None = None,
     starts: int = 2,
     seed: int = 0,
-    threads: int | None = None,
     progress: Progress | None = None,
 ) -> ByCommand:
     """Fits the law to all constant commands and draws lines through the coefficients that follow the command.
@@ -83,7 +82,7 @@ def identify_by_command(
     commands = tuple(u for u, _ in groups)
     fit = identify(
         law, [record for _, records in groups for record in records], held_out, extras=extras, dependence=commands,
-        follows=follows, starts=starts, seed=seed, threads=threads, progress=progress,
+        follows=follows, starts=starts, seed=seed, progress=progress,
     )  # fmt: skip
     assert fit.space is not None
     point = np.array(fit.point)

@@ -162,7 +162,6 @@ def table_1(
     paper_follows: bool = False,
     starts: int = 4,
     seed: int = 0,
-    threads: int | None = None,
     progress: Progress | None = None,
 ) -> Table1:
     """Fits each law to the train records and compares them on the others, in free run.
@@ -178,7 +177,7 @@ def table_1(
         say(law, count / len(laws))
         fits[law] = identify(
             law, records.train, records.held_out, extras=extras, dependence=dependence,
-            follows=PAPER_FOLLOWS.get(law) if paper_follows else None, starts=starts, seed=seed, threads=threads,
+            follows=PAPER_FOLLOWS.get(law) if paper_follows else None, starts=starts, seed=seed,
         )  # fmt: skip
         forces[law] = {r.name: simulate(fits[law].model, r) for r in judged}
     for name, given in (others or {}).items():

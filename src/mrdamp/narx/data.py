@@ -63,7 +63,7 @@ def lagged(channels: str = "viF", lags: int = 4) -> tuple[Input, ...]:
     return inputs
 
 
-def series(record: Record, sample_time: float | None = None, *, cutoff_hz: float | None = None) -> Series:
+def series(record: Record, sample_time: float | None = None) -> Series:
     """A record's channels at the network's sample time.
 
     The velocity is formed at the record's own rate, where differences are accurate, and resampled with the rest.
@@ -71,7 +71,6 @@ def series(record: Record, sample_time: float | None = None, *, cutoff_hz: float
     Args:
         record: of a damper.
         sample_time: s; None: the record's own.
-        cutoff_hz: low-pass of the displacement before it is differentiated.
 
     Raises:
         InputError: the force is missing, the displacement or the force is constant, or the force is clipped.
@@ -85,7 +84,7 @@ def series(record: Record, sample_time: float | None = None, *, cutoff_hz: float
         same = abs(new / old - 1.0) < 1e-6
         return values if same else resampled(values, old, new, filtered=smooth)
 
-    x, v = at_new(record.displacement), at_new(record.velocity(cutoff_hz))
+    x, v = at_new(record.displacement), at_new(record.velocity())
     return Series(record.name, new, x, v, at_new(record.command, smooth=False), at_new(force), noise(force))
 
 

@@ -17,12 +17,11 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from mrdamp.errors import InputError
 from mrdamp.identify import pooled
 from mrdamp.narx.bayes import minimise
-from mrdamp.narx.checkpoint import Checkpoint, fingerprint
 from mrdamp.narx.data import Series, lagged
 from mrdamp.narx.evaluation import free_run_error, one_step_error
 from mrdamp.narx.layers import nguyen_widrow
 from mrdamp.narx.problems import OneStep
-from mrdamp.narx.train import best_stage, blank, refine
+from mrdamp.narx.train import Checkpoint, best_stage, blank, fingerprint, refine
 from mrdamp.parallel import Progress, mapped, silent
 from mrdamp.pictures import style
 

@@ -84,16 +84,6 @@ def of_records(records: RecordSet, sample_time: float | None = None) -> DataSpli
     return DataSplit(parts[0], parts[1], parts[2], step, records.validation)
 
 
-def constant_command(
-    records: RecordSet, command: float | None = None, sample_time: float = PROTOCOL_TIME
-) -> DataSplit:
-    """The constant-current protocol: only the records at one constant command.
-
-    Chen, Ni and Or (2015), Section 3. command: None is the one with the most training records. Raises InputError.
-    """
-    return of_records(at_constant_command(records, command), sample_time)
-
-
 def varying_command(
     records: RecordSet,
     name: str | None = None,
@@ -114,7 +104,8 @@ def varying_command(
 def at_constant_command(records: RecordSet, command: float | None = None) -> RecordSet:
     """The records at one constant command. command: None is the one with the most training records.
 
-    Raises InputError where there are none to fit to, or none held out.
+    The constant-current protocol of Chen, Ni and Or (2015), Section 3. Raises InputError where there are none to fit
+    to, or none held out.
     """
     check_channels(records.records)
     size = max(float(np.abs(r.command).max()) for r in records) or 1.0

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from mrdamp.errors import InputError
 from mrdamp.pictures import style
-from mrdamp.pictures.series import Array
+from mrdamp.pictures.style import Array
 
 
 @dataclass(frozen=True)

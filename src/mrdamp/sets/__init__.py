@@ -12,9 +12,12 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from mrdamp.errors import InputError
+
+if TYPE_CHECKING:
+    from mrdamp.model import Model
 
 __all__ = ["CommandRange", "ParameterSet", "load", "names"]
 
@@ -63,6 +66,12 @@ class ParameterSet:
             for effect, values in self.effects.items():
                 table |= {f"{effect}_{name}": value for name, value in values.items()}
         return table
+
+    def model(self) -> Model:
+        """The damper with its effects."""
+        from mrdamp.model import Model, effects_from  # which read sets, for what papers to cite
+
+        return Model(self.law, dict(self.parameters), effects_from(self.attributes()), name=self.id)
 
 
 @cache
