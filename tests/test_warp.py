@@ -82,6 +82,43 @@ def test_two_dampers_that_act_on_each_other() -> None:
     assert off(frame_xml(models, 5e-4), 300).max() < 5e-3
 
 
+def dashpots(values: list[float], bodies: int) -> str:
+    """Masses of 1 kg, with a linear dashpot (N s/m) for each value on one of them after the other."""
+    config = "".join(f'<config key="{key}" value="0"/>' for key in ("c0b", "fya", "fyb"))
+    instances = "".join(
+        f'<instance name="d{k}"><config key="law" value="bingham"/><config key="c0a" value="{c}"/>'
+        f'<config key="v_ref" value="0.1"/>{config}</instance>'
+        for k, c in enumerate(values)
+    )
+    inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    body = '<body pos="{0} 0 0"><joint name="j{0}" type="slide"/>' + inertia + "</body>"
+    plugins = "".join(
+        f'<plugin joint="j{k % bodies}" plugin="mrdamp.damper" instance="d{k}"/>' for k in range(len(values))
+    )
+    return (
+        f'<mujoco><option timestep="0.001" gravity="0 0 0"/><extension><plugin plugin="mrdamp.damper">{instances}'
+        f"</plugin></extension><worldbody>{''.join(body.format(k) for k in range(bodies))}</worldbody>"
+        f"<actuator>{plugins}</actuator></mujoco>"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("values", "bodies", "sum_of_c"),
+    [([500.0, 500.0], 2, 500.0), ([5000.0, 5000.0], 1, 1e4), ([1000.0] * 8, 1, 8e3)],
+)
+def test_linear_dashpots_take_the_exact_impulse(values: list[float], bodies: int, sum_of_c: float) -> None:
+    """1 kg at 1 m/s loses 1 - exp(-c h) in a step of h, with one damper and with several, in every world."""
+    mujoco_warp = pytest.importorskip("mujoco_warp", reason="the extra `warp` is not installed")
+    from mrdamp.warp import put_model
+
+    model, dampers = put_model(dashpots(values, bodies))
+    data = dampers.make_data(3)
+    data.qvel.fill_(1.0)
+    mujoco_warp.step(model, data)
+    np.testing.assert_allclose(data.qvel.numpy(), np.exp(-1e-3 * sum_of_c), atol=1e-5)
+
+
 @pytest.mark.slow
 def test_parameters_of_each_world() -> None:
     """The second world has the parameter of MuJoCo's model, the first another one."""
@@ -132,8 +169,10 @@ def test_what_a_converted_model_has() -> None:
     ("text", "message"),
     [
         (FRAME.replace('integrator="Euler"', 'integrator="RK4"'), "integrator mjINT_RK4: dampers in Warp take Euler"),
+        (FRAME.replace("<flag ", '<flag actuation="disable" '), "actuation is disabled"),
+        (FRAME.replace("<option ", '<option actuatorgroupdisable="0" '), "its group 0 is disabled"),
         ("<mujoco/>", "no actuator is a mrdamp.damper"),
-        ("no such file.xml", "no such file.xml: no such file"),
+        ("no such file.xml", "'no such file.xml' is neither an MJCF file nor its text"),
         ("<mujoco><worldbody></mujoco>", "XML parse error"),
     ],
 )

@@ -92,6 +92,13 @@ struct Stepping {
   }
 };
 
+// A damper in the step to come, for core/balance.h.
+struct StepDamper {
+  double velocity = 0, free = 0, force = 0, slope = 0, mass = 0, bare = 1;
+  Stepping* at = nullptr;
+  double trial(double v, double part) const { return at->Trial(v, part); }
+};
+
 }  // namespace mrdamp
 
 #endif  // MRDAMP_CORE_STEPPING_H_

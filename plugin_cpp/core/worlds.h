@@ -13,9 +13,20 @@ inline constexpr int kMostDampers = MRDAMP_DAMPERS;
 #else
 inline constexpr int kMostDampers = 8;
 #endif
-// Sweeps over dampers that act on each other, and the share of the largest force at which they end.
-inline constexpr int kSweeps = 60;
-inline constexpr double kSettled = 1e-9;
+
+// Some of one kind in place of a std::vector, which a GPU has not.
+template <class T, int most>
+struct Few {
+  T x[most];
+  int n;
+
+  explicit Few(int count) : n(count) {
+    for (int i = 0; i < n; i++) x[i] = T();
+  }
+  int size() const { return n; }
+  T& operator[](int i) { return x[i]; }
+  const T& operator[](int i) const { return x[i]; }
+};
 
 // Two starts of steps: the one before the present instant, and the present as the start of the next. An instant that is
 // computed again, as by a call of forward, begins from the former. Zeros to begin with.
@@ -53,24 +64,17 @@ struct Worlds {
   const float* ctrl;         // controls
   float* force;              // actuators; N
   // Accelerations of the dampers over the step: without any damper's force (dampers, m/s2), for unit forces (dampers x
-  // dampers, 1/kg), for a unit force on itself without the implicit damping of joints (dampers, 1/kg), in the end
-  // (dampers, m/s2).
+  // dampers, 1/kg), the same without the implicit damping of joints, and in the end (dampers, m/s2).
   const float *free, *weight, *bare, *acceleration;
   // Sensors: the damper, what is read, its column; effects of the sensor (readings x SensorParams).
   const int *reading_damper, *reading_column;
   const Reading* reading;
-  const double* effects;
+  const double *effects, *cutoff;  // cutoff: largest size of a reading; 0: none
   ReadingState* reading_store;  // readings
   float* sensordata;            // sensors
 };
 
 namespace worlds {
-
-struct InStep {
-  double velocity, free, force, slope, mass, bare;
-  Stepping* at;
-  double trial(double v, double part) const { return at->Trial(v, part); }
-};
 
 inline void Fill(const Worlds& a, int world, int k, Damper* d) {
 #ifndef MRDAMP_PACK_LAW
@@ -115,40 +119,28 @@ inline void Present(const Worlds& a, int world, int k, const Damper& d, Stepping
 
 // Forces of a world's dampers over the step to come.
 inline void ActInWorld(const Worlds& a, int world) {
+  using Numbers = Few<double, kMostDampers * kMostDampers>;
   Damper damper[kMostDampers];
   Stepping at[kMostDampers];
-  double force[kMostDampers];
-  worlds::InStep step[kMostDampers];
   const int n = a.dampers;
   const double h = a.timestep;
-  const float* free = a.free + static_cast<std::size_t>(world) * n;
-  const float* weight = a.weight + static_cast<std::size_t>(world) * n * n;
-  const float* bare = a.bare + static_cast<std::size_t>(world) * n;
+  const std::size_t first = static_cast<std::size_t>(world) * n;
+  Few<StepDamper, kMostDampers> step(n);
+  Numbers weight(n * n), force(n);
+  for (int i = 0; i < n * n; i++) weight[i] = a.weight[first * n + i];
   for (int k = 0; k < n; k++) {
     worlds::Fill(a, world, k, &damper[k]);
     worlds::Present(a, world, k, damper[k], &at[k]);
-    const double own = weight[k * n + k];
+    const double own = weight[k * n + k], bare = a.bare[first * n + k * n + k];
     force[k] = at[k].start.force;
-    step[k] = {at[k].v, at[k].v, force[k], at[k].start.slope, at[k].Mass(), own > 0 ? bare[k] / own : 1, &at[k]};
+    step[k] = {at[k].v, at[k].v + h * a.free[first + k], force[k], at[k].start.slope, at[k].Mass(), own > 0 ? bare / own : 1, &at[k]};
   }
-  // Each is balanced with the motion that the others leave to it.
-  for (int sweep = 0; sweep < (n > 1 ? kSweeps : 1); sweep++) {
-    double moved = 0, size = 0;
-    for (int k = 0; k < n; k++) {
-      step[k].free = at[k].v + h * free[k];
-      for (int j = 0; j < n; j++) step[k].free -= j == k ? 0 : h * weight[k * n + j] * force[j];
-      const double found = SolveOne(h, step[k], weight[k * n + k]);
-      moved = max(moved, fabs(found - force[k]));
-      size = max(size, fabs(found));
-      force[k] = found;
-    }
-    if (!(moved > kSettled * size)) break;
-  }
+  SolveStep(h, step, weight, &force);
   for (int k = 0; k < n; k++) {
-    WorldDamper& own = a.store[static_cast<std::size_t>(world) * n + k];
+    WorldDamper& own = a.store[first + k];
     own.force = -min(max(-force[k], a.force_range[2 * k]), a.force_range[2 * k + 1]);
     a.force[static_cast<std::size_t>(world) * a.actuators + a.actuator[k]] = static_cast<float>(-own.force);
-    double end = free[k];
+    double end = a.free[first + k];
     for (int j = 0; j < n; j++) end -= weight[k * n + j] * force[j];
     own.next = at[k].Stored(at[k].v + h * end);
   }
@@ -177,8 +169,9 @@ inline void ReadWorld(const Worlds& a, int world) {
     const Exerted now{at.seen.force + at.Mass() * acceleration, force, acceleration};
     Follow(effects, at, now, limited, a.timestep, true, &s);
     s.count += stepped;
-    a.sensordata[static_cast<std::size_t>(world) * a.sensors + a.reading_column[r]] =
-        static_cast<float>(Value(a.reading[r], effects, at, now, limited, s));
+    double value = Value(a.reading[r], effects, at, now, limited, s);
+    if (a.cutoff[r] > 0) value = min(max(value, -a.cutoff[r]), a.cutoff[r]);
+    a.sensordata[static_cast<std::size_t>(world) * a.sensors + a.reading_column[r]] = static_cast<float>(value);
   }
 }
 

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <type_traits>
 
+#include "core/balance.h"
 #include "core/config.h"
 #include "effects/mechanics.h"
 #include "effects/mount.h"
@@ -257,8 +258,7 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
         DamperInstance* p = acting_[k];
         const Observation& now = explicit_step ? p->at_.seen : p->at_.start;
         mobility_.Respond(m, d, p->output_, &p->response_);
-        step_[k] = {p->at_.v, p->at_.v + h * p->response_.free, now.force, now.slope, p->Mass(), p->response_.bare,
-                    [p](double v, double part) { return p->at_.Trial(v, part); }};
+        step_[k] = {p->at_.v, p->at_.v + h * p->response_.free, now.force, now.slope, p->Mass(), p->response_.bare, &p->at_};
       }
       for (std::size_t k = 0; k < n; k++) {
         for (std::size_t j = 0; j < n; j++) {
@@ -268,7 +268,8 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
       for (std::size_t k = 0; k < n; k++) {
         for (std::size_t j = 0; j < n; j++) step_[k].free -= h * weight_[k * n + j] * acting_[j]->turn_;
       }
-      (explicit_step ? PresentForces : SolveStep)(h, step_, weight_, &forces_);
+      if (explicit_step) PresentForces(h, step_, weight_, &forces_);
+      else SolveStep(h, step_, weight_, &forces_);
       for (std::size_t k = 0; k < n; k++) forces_[k] += acting_[k]->turn_;
     } while (!mobility_.Arrived(m, d, responses_, forces_));
     for (std::size_t k = 0; k < n; k++) acting_[k]->force_ = forces_[k];

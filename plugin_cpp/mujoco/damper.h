@@ -11,7 +11,6 @@
 #include "core/stepping.h"
 #include "core/record.h"
 #include "mujoco/mobility.h"
-#include "mujoco/step.h"
 
 namespace mrdamp {
 

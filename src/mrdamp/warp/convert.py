@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,15 +26,19 @@ _OPTIONS = {"sensitivity": -158.248, "resolution": 0.0, "range": 0.0, "noise": 0
 _EFFECTS = 10
 _JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _LENGTHS = (*_JOINTS, mujoco.mjtTrn.mjTRN_TENDON, mujoco.mjtTrn.mjTRN_SITE, mujoco.mjtTrn.mjTRN_SLIDERCRANK)
+_FREE = (-np.inf, np.inf)
 _INTEGRATORS = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 
 
 @dataclass(frozen=True)
 class OneDamper:
-    """A damper of a model: actuator and control it is, law, attributes (attributes,), network."""
+    """A damper of a model: actuator and control it is, law, attributes (attributes,), network, and the limits of the
+    actuator's force and control."""
 
     actuator: int
     control: int
+    force: tuple[float, float]
+    command: tuple[float, float]
     law: int
     params: Array
     net: Narx | None
@@ -41,10 +46,12 @@ class OneDamper:
 
 @dataclass(frozen=True)
 class OneReading:
-    """A force sensor: the damper that it reads, its first number in `sensordata`, effects (10,), NaN: the damper's."""
+    """A force sensor: the damper that it reads, its number in `sensordata`, its cutoff (0: none), effects (10,), NaN:
+    the damper's."""
 
     damper: int
     column: int
+    cutoff: float
     reading: Reading
     effects: Array
 
@@ -61,8 +68,7 @@ class Converted:
 def convert(source: mujoco.MjSpec | Path | str) -> Converted:
     """Of a specification, an MJCF file or its text. Raises InputError for what dampers in Warp do not take."""
     load_plugin()
-    spec = _spec(source)
-    given = spec.compile()
+    spec, given = _compiled(source)
     dampers = {k: _damper(given, k) for k in range(given.nactuator) if _kind(given, given.actuator_plugin[k]) == DAMPER}
     if not dampers:
         raise InputError(f"{spec.modelname}: no actuator is a {DAMPER}")
@@ -76,16 +82,18 @@ def convert(source: mujoco.MjSpec | Path | str) -> Converted:
     return Converted(_without(spec), tuple(dampers.values()), tuple(readings))
 
 
-def _spec(source: mujoco.MjSpec | Path | str) -> mujoco.MjSpec:
+def _compiled(source: mujoco.MjSpec | Path | str) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
     require_kind("an MjSpec, an MJCF file or its text", (mujoco.MjSpec, Path, str), source=source)
-    if isinstance(source, mujoco.MjSpec):
-        return source.copy()
     try:
-        if isinstance(source, str) and source.lstrip().startswith("<"):
-            return mujoco.MjSpec.from_string(source)
-        if not Path(source).is_file():
-            raise InputError(f"{source}: no such file")
-        return mujoco.MjSpec.from_file(str(source))
+        if isinstance(source, mujoco.MjSpec):
+            spec = source.copy()
+        elif isinstance(source, str) and source.lstrip().startswith("<"):
+            spec = mujoco.MjSpec.from_string(source)
+        elif Path(source).is_file():
+            spec = mujoco.MjSpec.from_file(str(source))
+        else:
+            raise InputError(f"'{source}' is neither an MJCF file nor its text")
+        return spec, spec.compile()
     except ValueError as error:
         raise InputError(" ".join(str(error).split())) from None
 
@@ -108,13 +116,30 @@ def _damper(m: mujoco.MjModel, actuator: int) -> OneDamper:
     law, weights, *values = _values(m, m.actuator_plugin[actuator])
     given = {row.name: float(v) for row, v in zip(attributes(), values, strict=True) if v}
     net = _network(m, weights) if weights else None
-    return OneDamper(actuator, int(m.actuator_ctrladr[actuator]), law_number(law), vector(law, given), net)
+    control = int(m.actuator_ctrladr[actuator])
+    clamps = m.actuator_ctrllimited[control] and not m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    low, high = m.actuator_ctrlrange[control] if clamps else _FREE
+    force, params = _force_range(m, actuator), vector(law, given)
+    return OneDamper(actuator, control, force, (float(low), float(high)), law_number(law), params, net)
+
+
+def _force_range(m: mujoco.MjModel, actuator: int) -> tuple[float, float]:
+    """Limits of an actuator's force: its own, and those of a joint on which it is alone."""
+    low, high = m.actuator_forcerange[actuator] if m.actuator_forcelimited[actuator] else _FREE
+    joint = int(m.actuator_trnid[actuator, 0])
+    if _transmission(m, actuator) in _JOINTS and m.jnt_actfrclimited[joint]:
+        others = [k for k in range(m.nactuator) if _transmission(m, k) in _JOINTS and m.actuator_trnid[k, 0] == joint]
+        ends = sorted(m.jnt_actfrcrange[joint] / m.actuator_gear[actuator, 0]) if len(others) == 1 else _FREE
+        low, high = max(low, ends[0]), min(high, ends[1])
+    return float(low), float(high)
 
 
 def _network(m: mujoco.MjModel, weights: str) -> Narx:
-    asset = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_TEXT, weights)
+    asset = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_TEXT, weights.removeprefix("text:"))
     if asset < 0:
-        return Narx.read(Path(weights))
+        folders = ["", *filter(None, os.environ.get("MRDAMP_PATH", "").split(":"))]
+        found = (Path(folder) / weights for folder in folders)
+        return Narx.read(next((path for path in found if path.is_file()), Path(weights)))
     begin = m.text_adr[asset]
     return Narx(bytes(m.text_data[begin : begin + m.text_size[asset] - 1]).decode())
 
@@ -126,7 +151,8 @@ def _reading(m: mujoco.MjModel, sensor: int, numbers: dict[int, int]) -> OneRead
     key = _mix(int(options[4]) ^ _mix(sensor + 1))
     reading = Reading(SIGNALS.index(signal or "force"), *options[:4], key)
     column = int(m.sensor_adr[sensor])
-    return OneReading(numbers[int(m.sensor_objid[sensor])], column, reading, np.array(numeric[len(_OPTIONS) :]))
+    cutoff = float(m.sensor_cutoff[sensor])
+    return OneReading(numbers[int(m.sensor_objid[sensor])], column, cutoff, reading, np.array(numeric[len(_OPTIONS) :]))
 
 
 def _mix(z: int) -> int:
@@ -142,11 +168,23 @@ def _check(m: mujoco.MjModel, dampers: list[int]) -> None:
     integrator = mujoco.mjtIntegrator(m.opt.integrator)
     if integrator not in _INTEGRATORS:
         raise InputError(f"integrator {integrator.name}: dampers in Warp take Euler and implicitfast")
+    if m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION):
+        raise InputError("actuation is disabled: the dampers would not act")
+    for kind, instances in (("actuator", m.actuator_plugin), ("sensor", m.sensor_plugin)):
+        for k, instance in enumerate(instances):
+            if instance >= 0 and not _kind(m, instance):
+                name = getattr(m, kind)(k).name or str(k)
+                raise InputError(f"{kind} '{name}' is of another plugin, which Warp does not take")
     mass = {row.name: k for k, row in enumerate(attributes())}["moving_mass_m"]
     for k in dampers:
         name = m.actuator(k).name or str(k)
         if _transmission(m, k) not in _LENGTHS or _along_site(m, k):
             raise InputError(f"actuator '{name}': dampers in Warp act on a joint, tendon, two sites or slider-crank")
+        group = int(m.actuator_group[k])
+        if 0 <= group < 31 and m.opt.disableactuator & 1 << group:
+            raise InputError(f"actuator '{name}': its group {group} is disabled, which Warp ignores")
+        if _transmission(m, k) == mujoco.mjtTrn.mjTRN_TENDON and m.tendon_actfrclimited[m.actuator_trnid[k, 0]]:
+            raise InputError(f"actuator '{name}': its tendon has actuatorfrcrange, which acts on no plugin but in Warp")
         if m.actuator_delay[k] > 0:
             raise InputError(f"actuator '{name}': no delay of the engine's in Warp; use command_delay_d")
         if _damper(m, k).params[mass] > 0 and not _straight(m, k):
@@ -175,7 +213,8 @@ def _without(spec: mujoco.MjSpec) -> mujoco.MjModel:
             a.plugin.active = False
             a.plugin.name = a.plugin.plugin_name = ""
             a.biastype = mujoco.mjtBias.mjBIAS_USER
-            a.gainprm[0] = 0.0
+            a.gaintype = mujoco.mjtGain.mjGAIN_FIXED
+            a.gainprm[:] = 0.0
     for s in spec.sensors:
         if s.type == mujoco.mjtSensor.mjSENS_PLUGIN:
             s.plugin.active = False

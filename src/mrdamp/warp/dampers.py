@@ -11,11 +11,10 @@ from typing import Any
 import mujoco
 import mujoco_warp
 import numpy as np
-import numpy.typing as npt
 import warp as wp
 
 from mrdamp.errors import InputError, require_kind
-from mrdamp.model.attributes import attribute_index, check
+from mrdamp.model.attributes import attribute_index, attributes, check, law_options, law_parameters
 from mrdamp.model.attributes import laws as law_names
 from mrdamp.model.core import Array
 from mrdamp.model.native import library
@@ -28,6 +27,7 @@ from mrdamp.warp.native import Reading, Worlds, free_attributes, sizes
 class _State:
     """What dampers need of one `Data`: their stores, scratch arrays, and the structure that the chain takes."""
 
+    owner: Dampers
     arrays: dict[str, wp.array]
     worlds: Worlds
     forces: wp.array
@@ -73,18 +73,24 @@ class Dampers:
 
         Raises InputError. A delay or a network that the model was not made with cannot be switched on.
         """
+        require_kind("a mapping of attributes", Mapping, values=values)
         if damper not in (*self.names, *range(len(self.names))):
             raise InputError(f"damper is {damper!r}; allowed: {', '.join(self.names)}")
         k = self.names.index(damper) if isinstance(damper, str) else damper
-        state, one = data.mrdamp, self.converted.dampers[k]
+        state, one = self._of(data), self.converted.dampers[k]
+        law, index = law_names()[one.law], attribute_index()
+        own = {*law_parameters(law), *law_options(law)}
         params = np.broadcast_to(state.params, (data.nworld, *state.params.shape[1:])).copy()
         for name, value in values.items():
-            if name not in attribute_index():
-                raise InputError(f"attribute '{name}' is unknown")
-            numbers = np.asarray(value, dtype=float)
+            if name not in index or (attributes()[index[name]].group in ("law", "dependence") and name not in own):
+                raise InputError(f"'{name}' is no attribute of law {law}")
+            try:
+                numbers = np.asarray(value, dtype=float)
+            except (TypeError, ValueError):
+                raise InputError(f"{name} is {value!r}; allowed: a number, or one for each world") from None
             if numbers.shape not in ((), (data.nworld,)):
                 raise InputError(f"{name} has shape {numbers.shape}; allowed: a number, or ({data.nworld},)")
-            params[:, k, attribute_index()[name]] = numbers
+            params[:, k, index[name]] = numbers
         for row in np.unique(params[:, k], axis=0):
             check(one.law, row)
             _room(row, state.arrays["lines"] is not None)
@@ -92,10 +98,17 @@ class Dampers:
 
     def reset(self, data: mujoco_warp.Data) -> None:
         """All dampers at rest. A world whose time goes back is reset without it."""
+        state = self._of(data)
         for name in ("store", "lines", "pasts", "reading_store"):
-            array = data.mrdamp.arrays[name]
+            array = state.arrays[name]
             if array is not None:
                 array.zero_()
+
+    def _of(self, data: mujoco_warp.Data) -> _State:
+        state: _State | None = getattr(data, "mrdamp", None)
+        if state is None or state.owner is not self:
+            raise InputError("this Data has no room for these dampers: make it by their make_data")
+        return state
 
     def _params(self, state: _State, params: Array) -> None:
         state.params, taken = params, params
@@ -129,20 +142,17 @@ class Dampers:
         def store(name: str, count: int, wanted: bool = True) -> wp.array | None:
             return wp.zeros(worlds * count * size[name], dtype=wp.uint8) if wanted and count else None
 
-        def limits(ranges: npt.NDArray[Any], on: npt.NDArray[Any], which: Sequence[int]) -> wp.array:
-            rows = [ranges[k] if on[k] else (-np.inf, np.inf) for k in which]
-            return wp.array(np.array(rows, dtype=float), dtype=wp.float64)
+        def limits(ranges: Sequence[tuple[float, float]]) -> wp.array:
+            return wp.array(np.array(ranges), dtype=wp.float64)
 
-        clamp = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
         nets = [library().mrdamp_worlds_net(d.net.handle) if d.net is not None else 0 for d in dampers]
-        actuators, controls = [d.actuator for d in dampers], [d.control for d in dampers]
         arrays: dict[str, wp.array | None] = {
             "law": whole([d.law for d in dampers]),
             "net": wp.array(np.array(nets, dtype=np.uint64), dtype=wp.uint64) if networks else None,
-            "actuator": whole(actuators),
-            "control": whole(controls),
-            "control_range": limits(model.actuator_ctrlrange, model.actuator_ctrllimited * clamp, controls),
-            "force_range": limits(model.actuator_forcerange, model.actuator_forcelimited, actuators),
+            "actuator": whole([d.actuator for d in dampers]),
+            "control": whole([d.control for d in dampers]),
+            "control_range": limits([d.command for d in dampers]),
+            "force_range": limits([d.force for d in dampers]),
             "store": store("WorldDamper", n),
             "lines": store("WorldLine", n, delayed),
             "pasts": store("WorldPast", n, networks),
@@ -154,6 +164,7 @@ class Dampers:
             "reading_column": whole([r.column for r in readings]),
             "reading": wp.array(np.frombuffer(b"".join(bytes(r.reading) for r in readings), np.uint8), dtype=wp.uint8),
             "effects": wp.array(np.array([r.effects for r in readings]), dtype=wp.float64),
+            "cutoff": wp.array(np.array([r.cutoff for r in readings]), dtype=wp.float64),
             "reading_store": store("ReadingState", len(readings)),
         }
         engine = {
@@ -167,15 +178,13 @@ class Dampers:
         forces, solved, column = (wp.zeros((worlds, model.nv)) for _ in range(3))
         explicit = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
         mass = wp.zeros_like(data.M) if np.any(model.dof_damping) and not explicit else None
-        state = _State(arrays, structure, forces, solved, column, mass, np.empty(0))
+        state = _State(self, arrays, structure, forces, solved, column, mass, np.empty(0))
         self._params(state, np.array([[d.params for d in dampers]]))
         return state
 
     def act(self, m: mujoco_warp.Model, d: mujoco_warp.Data) -> None:
         """Writes the dampers' forces of the step to come into `d.actuator_force`."""
-        if getattr(d, "mrdamp", None) is None:
-            raise InputError("this Data has no room for dampers: make it by Dampers.make_data")
-        state: _State = d.mrdamp
+        state = self._of(d)
         moment = (d.moment_rownnz, d.moment_rowadr, d.moment_colind, d.actuator_moment)
         joints = (d.qfrc_passive, d.qfrc_bias, d.qfrc_applied, d.qfrc_constraint)
         wp.launch(forces_on_joints, d.nworld, [*joints, *moment, d.actuator_force], [state.forces])
@@ -198,9 +207,9 @@ class Dampers:
 
     def read(self, m: mujoco_warp.Model, d: mujoco_warp.Data, stage: int) -> None:
         """Writes the force sensors into `d.sensordata`, once the accelerations are known."""
-        state: _State | None = getattr(d, "mrdamp", None)
-        if stage != int(mujoco.mjtStage.mjSTAGE_ACC) or state is None or not self.converted.readings:
+        if stage != int(mujoco.mjtStage.mjSTAGE_ACC) or not self.converted.readings:
             return
+        state = self._of(d)
         moment = (d.moment_rownnz, d.moment_rowadr, d.moment_colind, d.actuator_moment)
         self._project(d, state, moment, d.qacc, 0, 1, state.arrays["acceleration"])
         self._run("read", state)
@@ -243,7 +252,13 @@ def put_model(
     converted = convert(source)
     if len(converted.dampers) > sizes()["most"]:
         raise InputError(f"{len(converted.dampers)} dampers; in Warp a model has at most {sizes()['most']}")
-    chosen = wp.get_device(device)
+    require_kind("a whole number", int, threads=threads)
+    if threads < 1:
+        raise InputError(f"threads is {threads}; allowed: 1 or more")
+    try:
+        chosen = wp.get_device(device)
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"device {device!r}: {' '.join(str(error).split())}") from None
     if chosen.is_cuda and (len({d.law for d in converted.dampers}) > 1 or any(d.net for d in converted.dampers)):
         raise InputError("on a GPU the dampers of a model have one law, and no network")
     dampers = Dampers(converted, chosen, threads)

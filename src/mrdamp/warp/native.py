@@ -34,7 +34,7 @@ class Worlds(ctypes.Structure):
             for name in (
                 "law", "params", "net", "actuator", "control", "control_range", "force_range", "store", "lines",
                 "pasts", "time", "length", "velocity", "ctrl", "force", "free", "weight", "bare", "acceleration",
-                "reading_damper", "reading_column", "reading", "effects", "reading_store", "sensordata",
+                "reading_damper", "reading_column", "reading", "effects", "cutoff", "reading_store", "sensordata",
             )
         ),
     )  # fmt: skip
