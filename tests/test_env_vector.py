@@ -196,10 +196,6 @@ def test_gymnasium_makes_them(id: str) -> None:
     env.close()
 
 
-def test_seeds_of_another_number_are_refused() -> None:
-    refuses(lambda: FrameVectorEnv(N).reset(seed=[1, 2]), "2 seeds for 3")
-
-
 OBSERVER = Observer(("a", "b"), (2.0, 10.0), history=3, command_max=(4.0,), limit=5.0)
 
 

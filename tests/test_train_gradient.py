@@ -280,20 +280,6 @@ def test_a_finished_training_is_extended(tmp_path: Path) -> None:
     np.testing.assert_allclose([score for _, score in seen], [row["score"] for row in longer.curve], rtol=1e-6)
 
 
-@pytest.mark.slow
-def test_noise_explores_around_a_deterministic_actor(tmp_path: Path) -> None:
-    for algorithm in ("td3", "ddpg"):
-        options = Options(algorithm=algorithm, overrides=SMALL)
-        noise: Any = GradientRun(options, settings(options), tmp_path / algorithm, 4).model
-        source = noise.action_noise
-        drawn = np.array([source() for _ in range(40_000)])[:, 0]
-        chosen = settings(options)
-        assert drawn.std() == pytest.approx(chosen.explore, rel=0.15)
-        lag = int(chosen.correlated)
-        correlation = np.corrcoef(drawn[:-lag], drawn[lag:])[0, 1]
-        assert correlation == pytest.approx(np.exp(-1), abs=0.1)
-
-
 def test_what_the_learner_does_not_know_is_refused(tmp_path: Path) -> None:
     for algorithm, wrong, said in (
         ("ppo", "learning_rte=1", "learning_rte"), ("ppo", "explore=0.1", "explore is for"),
