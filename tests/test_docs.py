@@ -35,7 +35,13 @@ def commands(page: Path) -> Iterator[str]:
                 yield re.sub(r"^(\w+=\S+ )*mrdamp ", "", words)
 
 
-PYTHON = [(page, k) for page in PAGES if page.name != "README.md" for k in range(len(blocks(page, "python")))]
+PYTHON = [
+    # test_api.py runs the first block's functions on less
+    pytest.param(page, k, marks=pytest.mark.slow if (page.stem, k) == ("api", 0) else ())
+    for page in PAGES
+    if page.name != "README.md"
+    for k in range(len(blocks(page, "python")))
+]
 
 
 @pytest.mark.parametrize(("page", "block"), PYTHON, ids=lambda v: v.stem if isinstance(v, Path) else str(v))
