@@ -95,10 +95,12 @@ def both(
 
 
 @pytest.mark.parametrize(
-    ("engine", "mode"),
-    [("mujoco", AutoresetMode.NEXT_STEP), ("mujoco", AutoresetMode.SAME_STEP), ("chain", AutoresetMode.NEXT_STEP)],
+    ("kind", "engine", "mode"),
+    [
+        *((kind, engine, AutoresetMode.NEXT_STEP) for kind in ARGUMENTS for engine in ("mujoco", "chain")),
+        ("frame", "mujoco", AutoresetMode.SAME_STEP),
+    ],
 )
-@pytest.mark.parametrize("kind", ARGUMENTS)
 def test_rows_are_single_environments(kind: str, engine: str, mode: AutoresetMode) -> None:
     """Plain numbers of one against arrays of many, over several ends of episodes, rewards, flags and infos included;
     with the spaces of the engine's environment."""

@@ -238,6 +238,7 @@ def test_the_simulator_has_another_law_and_the_error_of_a_real_rig(made: OtherLa
     assert made.parts == ("rate_dependent_yield",)  # the others resemble an effect of the real frames
 
 
+@pytest.mark.slow
 def test_the_real_frame_runs_with_its_own_damper(made: OtherLaw, motion: GroundMotion) -> None:
     controller = Constant(1.0)
     simulated = run_frame(made.nominal, motion, controller)
@@ -253,6 +254,7 @@ def test_the_real_frame_runs_with_its_own_damper(made: OtherLaw, motion: GroundM
     assert apart(simulated.drift, real.drift) < 0.3
 
 
+@pytest.mark.slow
 def test_the_case_has_the_frame_without_the_effect_as_its_baseline(tmp_path: Path, made: OtherLaw) -> None:
     softer = RealFrame(made.nominal, "storey_stiffness@1", made.numbers)
     before = RealFrame(made.nominal, NONE, made.numbers)

@@ -15,7 +15,7 @@ from mrdamp.model import core
 from twins import simulate
 
 IDS = sets.names()
-KINDS = ("sine", "start", "triangle", "multisine", "steps")
+KINDS = ("sine", "start", "triangle", "steps")
 STEPS_MS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 GRID = 5e-4  # s, of the reference
 END = 1.6  # s
