@@ -102,7 +102,7 @@ def test_controllers_are_made_for_what_they_are_told() -> None:
 def test_the_spread_is_that_of_frames_typed_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its gain on the softer frame is that of a file of that frame, with the nominal one told."""
     for seed in (1, 2):
-        kanai_tajimi(seed, duration=5.0).save(tmp_path / f"shake_{seed}.csv")
+        kanai_tajimi(seed, duration=2.5).save(tmp_path / f"shake_{seed}.csv")
     replace(frame_model(), structure=SOFT).write(tmp_path / "soft.json")
     frame_model().write(tmp_path / "thought.json")
     call: list[str | Path] = ["compare", "frame", "--motions", *tmp_path.glob("shake_*.csv"), "--engine", "chain"]
