@@ -112,7 +112,7 @@ def test_a_tenth_of_a_second_of_forecast_lowers_both_peaks() -> None:
     study = loaded(STUDIES / "preview_study.py")
     bench = FrameBench(preset.frame_model(), engine="chain", timestep=5e-4)
     motion = kanai_tajimi(5, duration=4.0, rise=0.5, plateau=2.0, decay=0.5)
-    values = study.Plans(bench).run(study.Known(motion, 1.0, 0.1))["values"]
+    values = study.Known(bench, motion, 1.0, 0.1).run()["values"]
     on = bench.values(bench.run("passive-on", motion, 1.0), bench.run(UNCONTROLLED, motion, 1.0))
     assert values["J1"] + values["J2"] < 0.9 * (on["J1"] + on["J2"])
 
