@@ -3,7 +3,6 @@ engine, the controllers."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -14,7 +13,6 @@ from scipy.signal import cont2discrete, dlsim
 
 from mrdamp.compare import Comparison, Contender, compare
 from mrdamp.compare.beam import search
-from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.benches import with_bounds
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.cable import ToCome as CableToCome
@@ -225,20 +223,3 @@ def test_a_bound_is_not_worse_than_any_controller_in_any_case_and_the_engine_agr
             (path,) = plant.bounded().paths[load.name, 1.0][bound]
             assert (np.diff(path["values"]) <= 0).all()
             assert path["values"][-1] == pytest.approx(found[0, i, 0], rel=0.02)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
-def test_a_start_that_nothing_beats_stays_the_bound(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A beam of one that takes one command throughout."""
-
-    def poor(make: Any, periods: int, levels: np.ndarray, cost: Any, to_come: Any, *_: Any) -> Any:
-        return search(make, periods, levels[[plant.worst]], cost, to_come, (1,))
-
-    monkeypatch.setattr(f"{type(plant.bench).__module__}.search", poor)
-    start, load = plant.starts[0], plant.loads[0]
-    kept = plant.bench.clairvoyant(dict.fromkeys(plant.bench.bounds, (start,)), load, 1.0)["clairvoyant"]
-    own = plant.bench.values(plant.bench.run(start, load, 1.0), plant.bench.run(UNCONTROLLED, load, 1.0))
-    value = sum(w * own[key] for key, w in plant.bench.bounds["clairvoyant"].items())
-    assert kept["values"] == own
-    assert not math.isclose(kept["paths"][0]["values"][-1], value, rel_tol=0.02)

@@ -12,10 +12,9 @@ import pytest
 
 from modules import ROOT, loaded
 from mrdamp.errors import InputError
-from studies.blindtest import report, run, score, seal
-from studies.blindtest.__main__ import main
+from studies.blindtest import run, score, seal
 from studies.blindtest.score import Row, Share
-from studies.blindtest.sizing import OWN, Task
+from studies.blindtest.sizing import OWN
 
 SHARED = ROOT.parent / "shared" / "cases"
 LABELS = {"case_001": {"label": "driver_lag", "stages": ["driver"]}}
@@ -60,32 +59,6 @@ def test_changed_labels_are_found_out(tmp_path: Path) -> None:
     path.write_text("nothing")
     with pytest.raises(InputError, match="damaged"):
         seal.open_labels(tmp_path, "labels")
-
-
-def test_generation_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    out, plan = run.Folders(tmp_path), run.Plan(4, "damper", misfit=True)
-    made: list[str] = []
-
-    def stub(task: Task, cases: Path, tests: Path, seed: np.random.SeedSequence) -> dict[str, object]:
-        if len(made) == 2:
-            made.append("stopped")
-            raise KeyboardInterrupt
-        made.append(task.name)
-        return {"label": task.label, "misfit": 0.05, "drawn": int(seed.generate_state(1)[0])}
-
-    monkeypatch.setattr(run, "make_one", stub)
-    with pytest.raises(KeyboardInterrupt):
-        run.make_cases(out, plan, 7, lambda what, share: None)
-    digest = run.make_cases(out, plan, 8, lambda what, share: None)
-    assert made == ["case_001", "case_002", "stopped", "case_003", "case_004"]
-    assert run.make_cases(out, plan, 9, lambda what, share: None) == digest
-    labels = seal.open_labels(out.sealed, "labels")[1]
-    other = run.Folders(tmp_path / "at once")
-    run.make_cases(other, plan, 7, lambda what, share: None)
-    assert seal.open_labels(other.sealed, "labels")[1] == labels
-    (out.sealed / "labels.sealed").unlink()
-    with pytest.raises(InputError, match="with --misfit; name another folder"):
-        run.make_cases(out, run.Plan(4, "damper"), 7, lambda what, share: None)
 
 
 # --- rows --------------------------------------------------------------------------------------
@@ -199,18 +172,6 @@ def test_calibration_error() -> None:
     assert score.calibration_error(rows()) == pytest.approx((2 * 0.2 + 2 * 0.15 + 2 * 0.45) / 6)
 
 
-def test_calibration_error_of_exact_probabilities() -> None:
-    """Two answers that state one half are off by one half, equally often as by nothing."""
-
-    def error(*probabilities: float) -> tuple[float, float]:
-        return score.exact_calibration_error([replace(rows()[0], probability=p) for p in probabilities])
-
-    assert error(0.5, 0.5) == pytest.approx((0.25, 0.5), abs=0.02)
-    assert error(0.9)[0] == pytest.approx(0.9 * 0.1 + 0.1 * 0.9, abs=0.02)
-    assert error(*[0.5] * 400)[1] < 0.06
-    assert all(np.isnan(error(np.nan)))
-
-
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs the folder ../shared/cases")
 def test_definitions_are_the_shared_scorer_s() -> None:
     shared = loaded(SHARED / "score.py")
@@ -220,19 +181,6 @@ def test_definitions_are_the_shared_scorer_s() -> None:
 
 
 # --- page and command -------------------------------------------------------------------------------
-def test_page(tmp_path: Path) -> None:
-    misplaced = judged("floor_mass@2", answer("effect", "floor_mass@1"))
-    report.write(tmp_path, rows(), "ab" * 32, {"nominal only": rows()[:3]})
-    page, text = (tmp_path / "index.html").read_text(), (tmp_path / "results.md").read_text()
-    assert "ab" * 32 in page
-    assert "| single effects named | 1 | 3 | 0.333 |" in text
-    assert "| nominal only |" in text
-    assert (tmp_path / "rows.csv").read_text().count("\n") == 8
-    names, columns, counts = report.confusion([*rows(), misplaced])
-    assert dict(zip(columns, counts[names.index("driver_lag")], strict=True))["sensor_lag"] == 1
-    placed = dict(zip(columns, counts[names.index("floor_mass")], strict=True))
-    assert (placed["floor_mass"], placed["floor_mass, elsewhere"]) == (0, 1)
-    assert sum(map(sum, counts)) == 7  # the pair is not in it
 
 
 @pytest.mark.parametrize(("seconds", "verdict"), [(60.0, "failed"), (0.01, "timeout")])
@@ -242,15 +190,3 @@ def test_diagnosis_that_fails_or_is_late_is_a_row(seconds: float, verdict: str, 
     row = run.judge("case", LABELS["case_001"], tmp_path / "answer", tmp_path / "none.npz")
     assert (row.verdict, row.right) == (verdict, False)
     assert row.seconds < 20
-
-
-@pytest.mark.slow
-def test_cases_are_sealed_and_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "blind"
-    arguments = [str(out), "--cases", "1", "--rig", "frame", "--cases-only", "--seed", "1"]
-    assert main(arguments) == 0
-    digest = (out / "labels.sha256").read_text().strip()
-    assert digest in capsys.readouterr().out
-    assert not (out / "labels.json").exists()
-    assert main(arguments) == 0
-    assert digest in capsys.readouterr().out

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from command_call import caller
 from mrdamp.commands.compare import add_to
@@ -18,8 +16,7 @@ from mrdamp.compare import Comparison, Contender, FrameBench, compare
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, Measure
 from mrdamp.compare.benches import with_bounds
-from mrdamp.compare.car import CarBench
-from mrdamp.compare.clairvoyant import Effort, Peaks, search
+from mrdamp.compare.clairvoyant import Peaks, search
 from mrdamp.compare.comparison import ratio
 from mrdamp.compare.frame import run_rows
 from mrdamp.compare.rollouts import Rollouts, sensitivity
@@ -31,7 +28,6 @@ from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.rows import Stepping
 from mrdamp.simulation.stepping import run_frame
 
-Array = NDArray[np.float64]
 BENCH = FrameBench(preset.frame_model())
 MOTION = kanai_tajimi(5, duration=4.0, rise=0.5, plateau=2.0, decay=0.5)
 PLAYED = BENCH.played(MOTION, 1.0)
@@ -189,56 +185,6 @@ def test_an_interval_of_a_ratio_is_that_of_the_delta_method() -> None:
 
 
 @pytest.mark.slow
-def test_a_start_that_nothing_beats_stays_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
-    def nothing(*args: Any, **kwargs: Any) -> Any:
-        raise AssertionError
-
-    start = dict.fromkeys(BENCH.bounds, ("force-tracking",))
-    honest = BENCH.clairvoyant(start, MOTION, 1.0)
-    # A search that returns passive-off, worse than what it began with.
-    monkeypatch.setattr(
-        "mrdamp.compare.frame.search",
-        lambda rolled, starts, peaks: search(
-            rolled, [("off", np.zeros(rolled.periods))], peaks, Effort(most=0)
-        ),
-    )
-    kept = BENCH.clairvoyant(start, MOTION, 1.0)
-    own = BENCH.values(BENCH.run("force-tracking", MOTION, 1.0), BENCH.run(UNCONTROLLED, MOTION, 1.0))
-    assert kept["clairvoyant-drift"]["values"]["J1"] == own["J1"]
-    assert honest["clairvoyant-drift"]["values"]["J1"] < own["J1"]
-
-
-def test_what_a_replay_is_given_is_played() -> None:
-    replay = Replay([0.5, 1.0], 2e-3)
-    assert [replay.command(0.0, {}) for _ in range(3)] == [0.5, 1.0, 1.0]
-    replay.reset()
-    assert replay.command(0.0, {}) == 0.5
-    for commands, period in (([], 1e-3), ([math.nan], 1e-3), ([1.0], 0.0)):
-        with pytest.raises(InputError, match="controller replay"):
-            Replay(commands, period)
-
-
-class Boundless(CarBench):
-    """A plant without a search."""
-
-    bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
-
-
-@pytest.mark.slow
-def test_bounds_need_their_base_and_a_plant_that_has_them(bounded: Comparison) -> None:
-    alone = compare(BENCH, [Contender("off", ("passive-off",))], (MOTION,), (1.0,))
-    with pytest.raises(InputError, match="needs passive-on"):
-        with_bounds(BENCH, alone, (MOTION,))
-    with pytest.raises(InputError, match="car"):
-        with_bounds(Boundless(), alone, (MOTION,))
-    on = compare(BENCH, [Contender("on", ("passive-on",))], (MOTION,), (1.0,))
-    with pytest.raises(InputError, match="needs passive-off"):
-        with_bounds(CarBench(), on, (MOTION,))
-    with pytest.raises(InputError, match="0 controllers"):
-        with_bounds(BENCH, bounded, (MOTION,), starts=0)
-
-
-@pytest.mark.slow
 def test_the_command_writes_shares_and_paths(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "motion.csv"
     rows = "".join(
@@ -280,16 +226,3 @@ def test_runs_go_on_where_a_row_stands() -> None:
     rest.go_on(moment, measured, 200)
     found, _ = rest.run(np.stack([u[300:500]] * 3))
     np.testing.assert_array_equal(found, np.stack([whole[0, 300:500]] * 3))
-
-
-def test_a_horizon_leaves_earlier_commands_alone() -> None:
-    rolled = rollouts()
-    u = np.full(rolled.periods, 0.5 * LARGEST)
-    _, states = rolled.run(u[None], states=True)
-    at, period, channel = np.arange(500), np.array([200, 500]), np.array([0, 3])
-    slopes = rolled.slopes(states[0], u, at)
-    far, near = (sensitivity(slopes, at, period, channel, horizon) for horizon in (500, 50))
-    for i, k in enumerate(period):
-        np.testing.assert_array_equal(near[i, : k - 50], 0.0)
-        np.testing.assert_allclose(near[i, k - 50 : k], far[i, k - 50 : k], rtol=1e-9)
-        assert np.abs(far[i, : k - 50]).max() > 0

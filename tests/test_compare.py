@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -88,28 +86,6 @@ def test_a_stopped_comparison_goes_on(tmp_path: Path) -> None:
     assert squares(1, 2, 3)[1] == 4  # a changed line is done again
     assert done == [2]
     refuses(lambda: squares(1, jobs=0), "0 jobs")
-
-
-LISTENERS = """
-import signal
-from mrdamp.compare.page import comparison_page
-from mrdamp.compare.runner import run_all
-
-class Task:
-    def key(self): return str(id(self))
-    def run(self): return {"deaf": signal.getsignal(signal.SIGINT) is signal.SIG_IGN}
-
-signal.signal(signal.SIGINT, signal.default_int_handler)
-found = [result["deaf"] for jobs in (2, 1) for result in run_all([Task(), Task()], jobs=jobs)]
-print(*found, signal.getsignal(signal.SIGINT) is signal.default_int_handler)
-"""
-
-
-@pytest.mark.slow
-def test_an_interrupt_is_heard_by_one_process_alone() -> None:
-    """Others would print a traceback each; in a process of its own, so that no workers of another test are used."""
-    done = subprocess.run([sys.executable, "-c", LISTENERS], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["True", "True", "False", "False", "True"]
 
 
 def test_an_outcome_is_what_the_run_says() -> None:

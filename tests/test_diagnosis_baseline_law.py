@@ -6,33 +6,29 @@ simulator has straight lines.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from mrdamp.diagnosis import damper_run
 from mrdamp.diagnosis.answer import beside_given
+from mrdamp.diagnosis.attribution.frame_blocks import blocks
+from mrdamp.diagnosis.attribution.frame_damper import frame_baseline_law
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.problem import baseline_law as module
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law
 from mrdamp.diagnosis.problem.damper import DamperRig
-from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.report.result import Diagnosis, Gap
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.diagnosis.signatures.loops import compared
-from mrdamp.errors import InputError
 from mrdamp.identify import identify
-from mrdamp.identify.laws import DEPENDENCES, Scales
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.structures import ShearFrame
 
 DT = 0.002
 #: Amplitude (m), frequency (Hz) and command of a test.
@@ -88,31 +84,8 @@ def rig(model: Model, lag: float = 0.0) -> DamperRig:
 
 
 @pytest.mark.slow
-def test_a_law_with_a_curve_is_found_on_the_baseline(monkeypatch: pytest.MonkeyPatch) -> None:
-    fitted: list[tuple[Model, set[str]]] = []
-    judged: list[tuple[Model, set[str]]] = []
-    own_gap = module.gap_of
-
-    def fit(law: str, some: Sequence[Record], **options: Any) -> Any:
-        made = identify(law, some, **options)
-        fitted.append((made.model, {r.name for r in some}))
-        return made
-
-    def gap(given: DamperRig, model: Model, some: Sequence[Record]) -> float:
-        judged.append((model, {r.name for r in some}))
-        return own_gap(given, model, some)
-
-    monkeypatch.setattr(module, "identify", fit)
-    monkeypatch.setattr(module, "gap_of", gap)
+def test_a_law_with_a_curve_is_found_on_the_baseline() -> None:
     found = baseline_law(rig(lines()), baseline())
-    # Each half is judged by the fit to the other one.
-    halves = [(model, names) for model, names in fitted if len(names) < len(baseline())]
-    assert len(halves) == 2
-    for model, names in halves:
-        seen = [other for one, other in judged if one.parameters == model.parameters]
-        assert len(seen) == 1
-        assert not names & seen[0]
-        assert len(names | seen[0]) == len(baseline())
     assert found is not None
     assert found.given is not found.model
     assert found.model.name == "nominal"
@@ -155,24 +128,6 @@ def test_the_given_simulator_is_handed_over_where_the_law_of_the_baseline_predic
     assert (gap.nominal, gap.corrected, gap.left_out, gap.baseline) == (0.2, left, left, 0.15)
 
 
-def test_the_dependence_on_the_command_is_one_that_each_half_shows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the order of the files: four constant commands are two in each half, with steps there are more."""
-    asked: list[str] = []
-
-    def fit(law: str, some: Sequence[Record], *, dependence: str, **_: Any) -> Any:
-        asked.append(dependence)
-        raise InputError(f"{law} of {len(some)}")
-
-    monkeypatch.setattr(module, "identify", fit)
-    given, constant = rig(lines()), baseline()[:4]
-    mixed = [baseline()[k] for k in (0, 4, 1, 5, 2, 3)]
-    for some, levels in ((constant, 2), (constant[::-1], 2), (baseline(), 4), (mixed, 4)):
-        asked.clear()
-        assert baseline_law(given, some) is None
-        assert {DEPENDENCES[name] for name in asked} == {levels}
-    assert Scales.of(constant).levels == 4
-
-
 @pytest.mark.slow
 def test_the_given_simulator_stands_first_in_the_answer() -> None:
     case = Case("rig", Path(), lines(), records(0.04), (), baseline())
@@ -195,15 +150,55 @@ def test_the_given_simulator_stands_first_in_the_answer() -> None:
     assert len(shown) == len(found.pictures["measured"])
 
 
-def test_a_simulator_that_reaches_the_noise_of_its_baseline_is_not_identified_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    best = identify("bouc_wen", baseline(), dependence="quadratic_saturating", starts=2, threads=1).model
-    def never(*_: object) -> None:
-        raise AssertionError("identified again")
+def in_frame(record: Record) -> Record:
+    """The damper's test as the first storey's motion, the damper mounted from floor 1 to the ground. Nothing in this
+    module asks for the frame's own response."""
+    channels = {
+        "ground_acceleration_m_s2": 0.1 * np.sin(5 * DT * np.arange(record.n)),
+        "command": record.command,
+        "floor1_displacement_m": -np.asarray(record.displacement),
+        "force_N": record.channel("force_N"),
+    }
+    return Record(record.name, None, DT, channels)
 
-    monkeypatch.setattr(damper_run, "baseline_law", never)
-    monkeypatch.setattr(damper_run, "INEXACT", 1e6)
-    case = Case("rig", Path(), best, records(), (), baseline())
-    noise = channel_noise(case, rig(best))
-    assert damper_run.law_of_baseline(case, rig(best), noise, lambda *_: None) is None
+
+@cache
+def case() -> Case:
+    two = np.ones(2)
+    structure = ShearFrame(100 * two, 5e5 * two, 100 * two, damper_between=(1, 0))
+    model: Model = replace(
+        lines(),
+        rig="frame",
+        structure=structure,
+        effects=(*lines().effects, Effect("storey_stiffness", {"e": 0.02}, 2)),
+    )
+    tests, own = (tuple(in_frame(r) for r in some) for some in (records(), baseline()))
+    return Case("frame", Path(), model, tests, (), own)
+
+
+@cache
+def framed() -> BaselineLaw:
+    again = frame_baseline_law(case(), blocks(case()))
+    assert again is not None
+    return again
+
+
+@pytest.mark.slow
+def test_the_law_of_a_frames_damper_is_found_on_its_baseline() -> None:
+    again, one = framed(), case()
+    assert again.after < 0.5 * again.before
+    assert again.given is one.model
+    assert again.model.structure is one.model.structure
+    assert [e.name for e in again.model.effects if e.place] == ["storey_stiffness"]
+    error = [
+        next(b for b in blocks(replace(one, model=m)) if b.kind == "damper").gap
+        for m in (one.model, again.model)
+    ]
+    assert error[1] < 0.5 * error[0]
+
+
+@pytest.mark.slow
+def test_a_frame_without_a_baseline_or_a_damper_to_compare_keeps_its_law() -> None:
+    one = case()
+    assert frame_baseline_law(replace(one, baseline=()), blocks(one)) is None
+    assert frame_baseline_law(one, [b for b in blocks(one) if b.kind != "damper"]) is None

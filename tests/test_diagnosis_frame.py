@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,17 +13,13 @@ from frame_case import DT, LAW, altered, believed, case_of, records
 from mrdamp.diagnosis.attribution.frame_blocks import blocks, place_shares
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
-from mrdamp.diagnosis.evidence.ties import tie_classes
 from mrdamp.diagnosis.fits.least_squares import Fit
-from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.table import FitTable
-from mrdamp.diagnosis.frame_run import LIMITS, most_different, reduced, stepped, too_coarse
+from mrdamp.diagnosis.frame_run import LIMITS, reduced
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.designs import columns, drawn
-from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged, block_means
-from mrdamp.diagnosis.problem.noise import Noise
+from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.handover import agreement
 from mrdamp.diagnosis.report.page import page
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
@@ -104,13 +99,6 @@ def test_settings_with_a_place_reach_the_simulator(measured: dict[str, Record]) 
         assert np.std(row - expected[name]) < 5e-3 * np.std(expected[name]), name
 
 
-def test_averaging_takes_both_sides_alike(measured: dict[str, Record]) -> None:
-    fine, coarse = FrameRig(believed(), (measured["off"],)), FrameRig(believed(), (measured["off"],), 4)
-    np.testing.assert_allclose(coarse.simulate([{}], 0), block_means(fine.simulate([{}], 0), 4), rtol=1e-12)
-    np.testing.assert_allclose(coarse.measured(0), block_means(fine.measured(0), 4), rtol=1e-12)
-    assert averaged(measured["off"], 4).sample_time == pytest.approx(4 * DT)
-
-
 def test_a_record_whose_command_jumps_is_compared_as_it_is(measured: dict[str, Record]) -> None:
     rig = FrameRig(believed(), (measured["off"], measured["steps"]), 4)
     assert [r.sample_time for r in rig.records] == pytest.approx([4 * DT, DT])
@@ -129,14 +117,6 @@ def test_clean_blocks_rule_causes_out(measured: dict[str, Record]) -> None:
     }
     assert {t.effect for t in rig.terms if t.place is None} >= {"driver_lag", "seal_friction", "moving_mass"}
     assert not any(t.stage == "sensor" for t in rig.terms)
-
-
-def test_records_that_say_the_same_are_left_out(measured: dict[str, Record]) -> None:
-    off, steps = measured["off"], measured["steps"]
-    assert most_different([off, steps]) == (0, 1)
-    kept = most_different([off, off, steps, steps, off])
-    assert len(kept) == 4
-    assert {0, 2} <= set(kept)
 
 
 def test_a_number_that_stands_out_is_told_as_an_effect(measured: dict[str, Record]) -> None:
@@ -231,36 +211,6 @@ def test_a_lag_beside_wrong_numbers_is_one_cause(
     assert answer.gap.corrected < answer.gap.recalibrated
 
 
-def test_where_no_step_will_do_after_a_jump_means_are_compared(measured: dict[str, Record]) -> None:
-    rig = FrameRig(believed(), (measured["off"], measured["steps"]), 4)
-    loud, quiet = (Noise(np.full(7, level), "high band", np.full(7, level)) for level in (10.0, 1e-7))
-    easy, hard = stepped(rig, loud), stepped(rig, quiet)
-    assert (easy.full_rate, easy.jump_step, easy.coarse_step) == (True, COARSE, COARSE)
-    assert (hard.full_rate, hard.jump_step, hard.coarse_step) == (False, FINE / 2, FINE / 2)
-
-
-def test_the_written_frame_follows_jumps_as_the_c_entry_does(measured: dict[str, Record]) -> None:
-    told = agreement(believed(), measured["steps"])
-    assert told.within
-    assert told.difference < 0.0025
-
-
-def test_steps_get_finer_only_where_they_are_called_for(measured: dict[str, Record]) -> None:
-    """The errors of a step are those against half of it, in records whose command jumps and in the others apart."""
-    rig = FrameRig(believed(), (measured["off"], measured["steps"]), 4)
-    problem = Problem(rig, coarse=True)
-    of = {b.record: b for b in problem.blocks}
-    apart = {}
-    for name in ("jump_step", "coarse_step"):
-        half = Problem(replace(rig, **{name: getattr(rig, name) / 2}), coarse=True)
-        change = problem.of_settings([{}])[0] - half.of_settings([{}])[0]
-        apart[name] = [bool(np.any(change[of[k].span])) for k in (0, 1)]
-    assert apart == {"jump_step": [False, True], "coarse_step": [True, False]}
-    loud, quiet = (np.full(len(problem.blocks), level) for level in (1.0, 1e-6))
-    assert not any(too_coarse(problem, loud, jumps) for jumps in (True, False))
-    assert all(too_coarse(problem, quiet, jumps) for jumps in (True, False))
-
-
 def test_a_storeys_share_has_an_interval(measured: dict[str, Record]) -> None:
     found = blocks(case_of(believed(stiffness=(5.16e5, 8.0e5, 6.84e5)), measured))
     shares, ends = place_shares(found)
@@ -335,24 +285,3 @@ def test_a_right_simulator_is_right_without_a_repeat_too(measured: dict[str, Rec
     found = diagnose(case)
     assert (found.verdict, found.effects) == ("none", ())
     assert not any("does not repeat" in note for note in found.notes)
-
-
-@pytest.mark.parametrize(("rival", "tied"), [(1.2, True), (58.0, False)])
-def test_alike_signatures_are_a_tie_only_if_noise_hides_the_difference(rival: float, tied: bool) -> None:
-    """Two changes with a cosine of .999; the rival leaves 1.1 or 7.6 times the noise."""
-    n, rng = 2000, np.random.default_rng(0)
-    change = rng.standard_normal(n)
-
-    def fit(cause: str, cost: float) -> Fit:
-        left = rng.standard_normal(n)
-        left *= np.sqrt(cost) / np.linalg.norm(left)
-        hypothesis = SimpleNamespace(causes=(cause,) if cause else (), nominal=(), name=cause)
-        residual = left if cause else 1e3 * change / np.linalg.norm(change)
-        return cast(Fit, SimpleNamespace(hypothesis=hypothesis, cost=cost, residual=residual))
-
-    nominal, named, other = fit("", 1e6), fit("floor_mass@3", 1.0), fit("floor_mass@5", rival)
-    search = SimpleNamespace(
-        ranked=lambda free: [named, other], smallest=lambda free, causes: nominal, floor=1.0
-    )
-    found = tie_classes(cast(Search, search), named, {("floor_mass@3",): 1.0, ("floor_mass@5",): 1e-9})
-    assert found == ((("floor_mass@3", "floor_mass@5"),) if tied else ())

@@ -128,21 +128,6 @@ def test_a_step_that_makes_the_kept_records_worse_is_halved(slope: float, left: 
     assert gap == pytest.approx(left, abs=0.02)
 
 
-def test_a_cause_beside_a_free_law_is_compared_with_the_free_law(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The gain is wrong and a cubic term is missing: the gain's part is no evidence for the cubic term."""
-    monkeypatch.setattr(judgement, "_IMPROBABLE", np.inf)
-    search = Search(Problem(toy({"gain": 2.6, "fifth": 0.3}, noise=0.2)), 1e-6)
-    (cubic,) = (t for t in search.problem.rig.terms if t.effect == "cubic")
-    nominal = search.problem.rig.nominal
-    free = search.fitted(Hypothesis(nominal, (cubic,)), np.zeros(2), most=9)
-    held = search.fitted(Hypothesis((), (cubic,)), np.zeros(1), most=9)
-    found = judgement.left_out_ratios(search, [search.base, free, held])
-    alone = search.predicted(search.base)
-    assert found[id(free)] == pytest.approx(search.ratio(search.predicted(free), alone))
-    assert found[id(held)] == pytest.approx(search.ratio(search.predicted(held), search.residual))
-    assert found[id(search.base)] == pytest.approx(search.ratio(alone, search.residual))
-
-
 class CommandedToy(ToyRig):
     """The toy with a command of three levels along each record."""
 
@@ -177,13 +162,3 @@ def test_what_a_curve_of_the_command_explains_is_no_evidence_for_a_cause(cubic: 
         assert float(search.predicted(free) @ search.predicted(free)) > 20 * noise
     else:
         assert left == pytest.approx(alone, rel=0.05)
-
-
-def test_what_a_step_of_the_free_law_gives_is_not_put_down_to_curves() -> None:
-    """A fit of the law's gain that stopped half way, in the residuals of its folds too."""
-    search = Search(Problem(CommandedToy(toy({"gain": 2.6}, noise=0.02).records)), 1e-6)
-    half = fit(search.problem, search.base.hypothesis, 0.5 * search.base.point, most=0)
-    search.fits[True, frozenset()] = half
-    search._predicted[half.name, half.point.tobytes()] = half.residual
-    assert search.ratio(search.versions(half)[1][0], half.residual) < 0.05
-    assert search.curved > 0.9

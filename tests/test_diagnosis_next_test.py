@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -13,12 +12,11 @@ from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ties import could_hide
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
-from mrdamp.diagnosis.problem.designs import SECONDS, Envelope, Signal, columns, drawn, neighbour
+from mrdamp.diagnosis.problem.designs import SECONDS, Envelope, columns, drawn, neighbour
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.next_test import Bench, Pair, Steps, best, next_test
-from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -126,27 +124,6 @@ def test_the_best_test_is_better_than_one_at_random() -> None:
     x = found.signal.motion[round(0.1 / DT) :]
     assert plain == pytest.approx(np.sqrt(np.mean((0.2 * x**3 / 0.05) ** 2)), rel=1e-9)
     assert 0 < found.distances[0] < plain
-
-
-class Refusing(ToyRig):
-    """Takes no gain above 2, as the chain takes no hysteresis that grows without bound."""
-
-    def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
-        if any(s.get("gain", 2.0) > 2.0 for s in settings):
-            raise InputError("gain is above 2")
-        return super().try_signal(settings, signal)
-
-
-def test_a_step_that_the_chain_refuses_leaves_the_others_alone() -> None:
-    rig = toy({})
-    bench, pair = toy_bench(rig)
-    refusing = Bench(Refusing(rig.records), bench.middle, bench.law, bench.noise)
-    signal = drawn(np.random.default_rng(3), rig.envelope).signal(rig.envelope)
-    plain = bench.distances(signal, [pair], fitted=False)
-    np.testing.assert_array_equal(refusing.distances(signal, [pair], fitted=False), plain)
-    # The gain, which cannot be moved, is then as the records have it.
-    left = refusing.distances(signal, [pair], fitted=True)[0]
-    assert bench.distances(signal, [pair], fitted=True)[0] <= left <= plain[0] * 1.5
 
 
 LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -21,8 +20,6 @@ from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.problem.rig import models_of
-from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.records import Record
 from studies.blindtest import rig as reference
@@ -210,19 +207,6 @@ def test_draws_of_parameters_belong_together() -> None:
     assert np.corrcoef(table.T)[0, 1] < -0.7
     low, high = around.intervals()["gain"]
     assert np.mean((table[:, 0] >= low) & (table[:, 0] <= high)) > 0.9
-
-
-def test_draws_that_a_law_does_not_take_are_left_out() -> None:
-    class Narrow(ToyRig):
-        def model(self, settings: Mapping[str, float]) -> Model:
-            if settings["gain"] > 3:
-                raise InputError("too much")
-            return super().model(settings)
-
-    rig = Narrow(toy({}).records)
-    found = models_of(rig, ({"gain": g} for g in (1.0, 4.0, 2.0, 5.0, 2.5, 2.8)), 3)
-    assert [m.parameters["c0a"] for m in found] == [1.0, 2.0, 2.5]
-    assert models_of(rig, [{"gain": 4.0}], 3) == ()
 
 
 def test_what_the_records_do_not_show_has_its_whole_range_as_its_interval() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,18 +24,16 @@ from mrdamp.diagnosis.evidence.verdict import (
 )
 from mrdamp.diagnosis.fits.least_squares import fit
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
-from mrdamp.records import Record
 from mrdamp.records.motion import stroke_since_reversal
 from mrdamp.records.sampling import memory
 from mrdamp.records.smoothing import noise_level, smoothed
 from mrdamp.records.upsampling import repaired_ends, upsampled
-from toy_rig import DT, ToyRig, search_of, toy
+from toy_rig import search_of, toy
 
 RNG = np.random.default_rng(5)
 
@@ -206,31 +203,6 @@ def test_a_regime_that_holds_the_gap_is_found_and_none_where_there_is_none() -> 
     assert found[0].share_of_samples == pytest.approx(0.25, abs=0.01)
     assert found[0].share_of_gap == pytest.approx(16 / 19, abs=0.04)
     assert regimes({"velocity (m/s)": v}, RNG.standard_normal(4000), halves) == ()
-
-
-def test_records_shorter_than_a_skip_still_count() -> None:
-    rig = toy({}, n=40)
-    short = tuple(Record(r.name, None, DT, dict(r.channels)) for r in rig.records)
-    problem = Problem(type(rig)(short))
-    assert problem.samples == 6 * (30 - 8)
-
-
-class Refusing(ToyRig):
-    """Takes no gain above 3, as the chain takes no hysteresis that grows without bound."""
-
-    def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
-        if any(s["gain"] > 3.0 for s in settings):
-            raise InputError("gain is above 3")
-        return super().simulate(settings, record, coarse=coarse)
-
-
-def test_settings_that_the_chain_refuses_are_far_off_and_leave_the_others_alone() -> None:
-    rig = toy({"gain": 2.0})
-    problem = Problem(Refusing(rig.records))
-    found = problem.of_settings([{"gain": 2.0}, {"gain": 4.0}, {"gain": 2.5}])
-    alone = Problem(rig).of_settings([{"gain": 2.0}, {"gain": 2.5}])
-    np.testing.assert_array_equal(found[[0, 2]], alone)
-    assert np.sum(found[1] ** 2) > 1e3 * np.sum(found[2] ** 2)
 
 
 def test_an_unknown_cause_is_handed_over_by_what_leaves_least() -> None:

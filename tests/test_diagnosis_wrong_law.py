@@ -20,11 +20,9 @@ from mrdamp.diagnosis.constants import TEMPER, UNSTEADY
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.penalties import of_baseline
 from mrdamp.diagnosis.evidence.verdict import Scored, decide, of_parameters
-from mrdamp.diagnosis.fits.final import predicted_gap
 from mrdamp.diagnosis.fits.regimes import groupings
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.damper import DamperRig
-from mrdamp.diagnosis.problem.excerpts import EACH, LONGEST, excerpts
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.result import Named
 from mrdamp.diagnosis.report.sentence import in_words
@@ -175,19 +173,6 @@ def test_the_measured_current_is_compared_with_the_command() -> None:
     assert found[0].settings["driver_lag_tau"] == pytest.approx(0.03, rel=0.05)
 
 
-def test_a_search_goes_by_the_middle_of_long_records() -> None:
-    short = records()
-    assert excerpts(short, [1.0] * 5) == short
-    t = np.asarray(DT * np.arange(15_000), dtype=np.float64)
-    long = [
-        Record(f"long_{k}", None, DT, {"displacement_m": t, "command": 0 * t, "force_N": t}) for k in range(4)
-    ]
-    cut = excerpts(long, [1.0, 9.0, 2.0, 3.0])
-    assert [round(r.n * r.sample_time, 2) for r in cut] == [EACH, LONGEST, EACH, EACH]
-    middle = np.asarray(cut[0].displacement)
-    assert middle.mean() == pytest.approx(15.0, abs=0.02)
-
-
 def test_records_are_left_out_by_command_and_by_speed() -> None:
     tests = [(0.01, 1.0, 0.0), (0.01, 1.0, 1.0), (0.02, 1.5, 0.5), (0.02, 1.5, 0.0)]
     rig = DamperRig(model(), tuple(record(f"test_{k}", *test, seed=k) for k, test in enumerate(tests)))
@@ -331,13 +316,6 @@ def test_a_rig_that_is_as_its_baseline_has_no_gap() -> None:
     assert found.verdict == "none"
     assert "has not changed" in found.sentence
     assert not any("baseline" in note for note in found.notes)
-
-
-def test_a_gap_in_the_report_is_the_files() -> None:
-    rig = DamperRig(model(OWN), records())
-    problem = Problem(rig)
-    inside = float(np.sqrt(np.mean(problem.gaps(problem.of_settings([{}])[0]) ** 2)))
-    assert predicted_gap(rig.nominal_model, problem) == pytest.approx(inside, abs=0.005)
 
 
 def test_a_slew_limited_driver_is_told_by_its_rate() -> None:

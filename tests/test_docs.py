@@ -1,20 +1,24 @@
-"""Docs: their code runs, their commands exist, generated pages are those of the code, links lead somewhere."""
+"""Docs: code runs, commands, files and figures exist, generated pages are those of the code; packages form layers."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import shlex
 import shutil
 from collections.abc import Iterator
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-from modules import TOOLS, loaded
+from modules import ROOT, TOOLS, loaded
 from mrdamp.cli import build_parser
+from mrdamp.model.attributes import laws
 
-ROOT = Path(__file__).parents[1]
 PAGES = sorted([*(ROOT / "docs").glob("**/*.md"), ROOT / "README.md", *ROOT.glob("models_xml/*/README.md")])
 
 
@@ -33,7 +37,13 @@ def commands(page: Path) -> Iterator[str]:
 
 #: What needs an extra is run by tests/test_warp.py.
 ELSEWHERE = ("README.md", "gpu.md")
-PYTHON = [(page, k) for page in PAGES if page.name not in ELSEWHERE for k in range(len(blocks(page, "python")))]
+PYTHON = [
+    # test_api.py runs the first block's functions on less
+    pytest.param(page, k, marks=pytest.mark.slow if (page.stem, k) == ("api", 0) else ())
+    for page in PAGES
+    if page.name not in ELSEWHERE
+    for k in range(len(blocks(page, "python")))
+]
 
 
 @pytest.mark.parametrize(("page", "block"), PYTHON, ids=lambda v: v.stem if isinstance(v, Path) else str(v))
@@ -112,3 +122,168 @@ def test_figures_beside_the_alternatives_stand_on_the_pages_they_link() -> None:
             assert any(figure in (page.parent / link).read_text(encoding="utf-8") for link in links), figure
             checked += 1
     assert checked >= 10
+
+
+PAPERS = {
+    name: (ROOT / "docs" / "papers" / f"{name}.md").read_text(encoding="utf-8")
+    for name in ("foam", "self_sensing")
+}
+EQUATIONS = (ROOT / "docs" / "reference" / "equations.md").read_text(encoding="utf-8")
+PAGE = "\n".join([*PAPERS.values(), EQUATIONS])
+GLOSSARY = (ROOT / "docs" / "reference" / "glossary.md").read_text(encoding="utf-8")
+FILE = re.compile(r"`([\w./]+\.(?:h|cc|py|def))`")
+#: Names at the start of a cell, and names after their file.
+NAMES, OF_FILE = re.compile(r"(?:`[\w:]+`(?:, )?)+"), re.compile(r"`([\w./]+\.(?:h|cc|py|def))`: `(\w+)`")
+
+
+def rows(text: str) -> list[list[str]]:
+    lines = [line for line in text.splitlines() if line.startswith("| ")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if "---" not in line]
+
+
+def claims() -> list[tuple[str, tuple[str, ...]]]:
+    """Each name with the files that one of which has to define it."""
+    found: list[tuple[str, tuple[str, ...]]] = []
+    for row in rows(PAGE):
+        files = tuple(FILE.findall(" ".join(row[:4])))
+        names = NAMES.match(row[3]) if len(row) == 4 or row[0].startswith("(") else None
+        if names:
+            found += [(name.split("::")[-1], files) for name in re.findall(r"[\w:]+", names[0])]
+        found += [(name, (file,)) for cell in row for file, name in OF_FILE.findall(cell)]
+    return found
+
+
+@pytest.mark.parametrize(("name", "files"), claims())
+def test_a_named_function_is_in_a_named_file(name: str, files: tuple[str, ...]) -> None:
+    texts = [(ROOT / file).read_text(encoding="utf-8") for file in files]
+    # A definition: with an argument list, a class or a constant, not a mention in a comment.
+    pattern = (
+        rf"^[^/#\n]*\b(?:def |class |struct |double |void |LawForce |static |::)?{name}\b(?:\(|\[|:|,| \{{)"
+    )
+    assert any(re.search(pattern, text, re.MULTILINE) for text in texts), f"{name} is not in {files}"
+
+
+def test_the_named_files_of_both_pages_are_there() -> None:
+    files = {file for page in (PAGE, GLOSSARY) for file in FILE.findall(page)}
+    assert len(files) > 30
+    assert [file for file in sorted(files) if not (ROOT / file).is_file()] == []
+
+
+def test_the_pages_hold_the_figures_of_the_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(TOOLS)  # it imports a tool beside it
+    tool = loaded(TOOLS / "paper_pages.py")
+    results = tool.Results(json.loads((ROOT / "docs" / "papers" / "results.json").read_text(encoding="utf-8")))
+    for page in PAPERS.values():
+        assert results.fill(page) == page
+        marks = re.findall(r"<!--\w[^>]*-->", page)
+        assert len(marks) == page.count("<!--/-->") > 30
+        assert not re.search(r"^ *<!--\w[^>]*-->.", page, re.MULTILINE)  # it would end a list or a paragraph
+        stale = re.sub(r"(<!--\w[^>]*-->).*?(?=<!--/-->)", r"\1-", page, flags=re.S)
+        assert stale != page
+        assert results.fill(stale) == page
+
+
+def test_every_law_has_a_row() -> None:
+    assert set(laws()) <= {row[0].strip("`") for row in rows(EQUATIONS)}
+
+
+@pytest.mark.parametrize(
+    ("name", "equations", "tables", "figures"),
+    [("foam", 9, 1, range(7, 13)), ("self_sensing", 11, 2, range(3, 16))],
+)
+def test_nothing_of_a_paper_is_left_out(name: str, equations: int, tables: int, figures: range) -> None:
+    """Equations, tables and figures of data by number, each row with a test that is there."""
+    page, found = PAPERS[name], rows(PAPERS[name])
+    first = [row[0] for row in found]
+    assert {int(n) for cell in first for n in re.findall(r"^\((\d+)", cell)} == set(range(1, equations + 1))
+    for number in range(1, tables + 1):
+        assert f"Table {number}" in page
+    named: set[int] = set()
+    for cell in first:
+        for text in re.findall(r"Figs?\. ([\d ,toand]+)", cell):
+            numbers = [int(n) for n in re.findall(r"\d+", text)]
+            named |= set(range(numbers[0], numbers[-1] + 1)) if " to " in text else set(numbers)
+    assert set(figures) <= named
+    for row in found:
+        if len(row) == 5 and row[0] not in ("equation", "item"):
+            assert OF_FILE.fullmatch(row[4]), row  # that it is there: see above
+
+
+tool = loaded(TOOLS / "mutants.py")
+
+
+def test_every_mutant_changes_one_place_of_its_file() -> None:
+    texts: dict[str, str] = {}
+    for number, mutant in enumerate(tool.MUTANTS, start=1):
+        text = texts.setdefault(mutant.file, (ROOT / mutant.file).read_text())
+        changed = mutant.applied(text, number)  # ValueError where it does not stand there once
+        assert changed != text
+        texts[mutant.file] = changed if mutant.cpp else text
+        assert all((ROOT / file).is_file() for file in mutant.tests), mutant.name
+
+
+TOOL = Path(__file__).resolve().parents[1] / "tools" / "architecture_picture.py"
+DIAGNOSIS = TOOL.parents[1] / "src" / "mrdamp" / "diagnosis"
+
+
+@pytest.fixture(scope="module")
+def layers() -> ModuleType:
+    found = loaded(TOOLS / "architecture_picture.py")
+    vars(found)["graph"] = cache(found.graph)
+    return found
+
+
+def test_no_module_or_group_imports_itself_by_a_detour(layers: ModuleType) -> None:
+    assert len(layers.graph()) > 150  # CycleError otherwise
+    groups = layers.group_imports()
+    assert set(groups) == set(layers.BOXES)
+    assert groups["shared"] == set()
+
+
+def test_no_circle_goes_through_imports_within_functions(layers: ModuleType) -> None:
+    """But for the diagnosis, whose run for frames and whose run for dampers call each other."""
+    outside = {a: {b for b in bs if ".diagnosis." not in b} for a, bs in layers.graph(later=True).items()}
+    assert tuple(layers.TopologicalSorter(outside).static_order())
+
+
+def test_every_listed_module_exists(layers: ModuleType) -> None:
+    present = {name.split(".")[1] for name in layers.graph() if "." in name}
+    listed = [name for names in layers.GROUPS.values() for name in names]
+    assert sorted(listed) == sorted(set(listed))
+    assert set(listed) == present
+
+
+def test_each_step_of_the_ways_is_an_import(layers: ModuleType) -> None:
+    groups = layers.group_imports(later=True)
+    for way in (layers.RECORD, layers.COMMAND):
+        for a, b in pairwise(way):
+            assert b in groups[a] or a in groups[b], (a, b)
+
+
+def test_the_folders_of_the_diagnosis_import_one_way_only(layers: ModuleType) -> None:
+    """As its data flows; what is not in a folder (constants aside) stands after them all."""
+    flow = (
+        "signatures", "case", "hypotheses", "channels", "problem", "fits", "evidence", "attribution", "report", "run",
+    )  # fmt: skip
+    found = {path.parent.name for path in DIAGNOSIS.glob("*/*.py")}
+    assert found == {*flow[:-1], "injection"}
+
+    def rank(module: str) -> int:
+        folder = module.split(".")[2]
+        if folder in {"run", "frame_run", "damper_run", "searched", "answer", "injection", "form"}:
+            return len(flow)
+        return -1 if folder == "constants" else flow.index(folder)
+
+    inside = {a: bs for a, bs in layers.graph(later=True).items() if a.startswith("mrdamp.diagnosis.")}
+    assert len(inside) > 50
+    upward = [
+        (a, b)
+        for a, bs in inside.items()
+        for b in bs
+        if b.startswith("mrdamp.diagnosis.") and rank(b) > rank(a)
+    ]
+    assert not upward
+
+
+def test_no_import_of_the_diagnosis_is_for_its_types_alone() -> None:
+    assert not [p for p in DIAGNOSIS.rglob("*.py") if "TYPE_CHECKING" in p.read_text()]

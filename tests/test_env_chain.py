@@ -40,16 +40,9 @@ LAWS: Mapping[str, tuple[Mapping[str, float], float]] = {
     "hyperbolic_tangent": (TANH, 4.0),
     "narx": ({}, 1.2),
 }
+#: Those that the structure feels, or that act across its steps; the law's own are those of the plugin's tests.
 EFFECTS: Mapping[str, Mapping[str, float]] = {
     "command_delay": {"command_delay_d": 0.008},
-    "saturation": {"saturation_i_s": 0.6},
-    "remanence": {"remanence_b": 0.3, "remanence_d": 0.4},
-    "heating": {"heating_kappa": 0.02, "heating_capacity": 3.0, "heating_loss": 1.0},
-    "asymmetry": {"asymmetry_a": 0.15},
-    "shear_thinning": {"shear_thinning_m": 0.8, "shear_thinning_v_s": 0.05},
-    "trapped_gas": {"trapped_gas_d": 0.3, "trapped_gas_s_g": 5e-4},
-    "gas_spring": {"gas_spring_k": 5000.0, "gas_spring_f0": 20.0},
-    "seal_friction": {"seal_friction_coulomb": 30.0},
     "moving_mass": {"moving_mass_m": 4.0},
     "mount_compliance": {"mount_compliance_k": 8e5},
     "backlash": {"mount_compliance_k": 8e5, "backlash_gap": 1e-4},

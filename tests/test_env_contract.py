@@ -337,14 +337,6 @@ def test_a_step_without_an_episode_asks_for_a_reset(single: Make, rows: Make, gi
     batch.step(np.zeros((2, 1)))
 
 
-def test_rows_that_begin_anew_by_themselves_need_a_first_reset() -> None:
-    batch: Any = CarVectorEnv(2, engine="chain", **CAR)
-    with pytest.raises(ResetNeeded, match="no episode has begun"):
-        batch.step(np.zeros((2, 1)))
-    batch.reset(seed=1)
-    assert sum(batch.step(np.zeros((2, 1)))[3].sum() for _ in range(202)) == 2  # 200 periods of 5 ms each
-
-
 def test_a_state_fits_where_the_loads_are_those_of_an_equal_source() -> None:
     """Of a class without a text of its own, whose default one holds the address."""
 

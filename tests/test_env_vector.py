@@ -95,10 +95,12 @@ def both(
 
 
 @pytest.mark.parametrize(
-    ("engine", "mode"),
-    [("mujoco", AutoresetMode.NEXT_STEP), ("mujoco", AutoresetMode.SAME_STEP), ("chain", AutoresetMode.NEXT_STEP)],
+    ("kind", "engine", "mode"),
+    [
+        *((kind, engine, AutoresetMode.NEXT_STEP) for kind in ARGUMENTS for engine in ("mujoco", "chain")),
+        ("frame", "mujoco", AutoresetMode.SAME_STEP),
+    ],
 )
-@pytest.mark.parametrize("kind", ARGUMENTS)
 def test_rows_are_single_environments(kind: str, engine: str, mode: AutoresetMode) -> None:
     """Plain numbers of one against arrays of many, over several ends of episodes, rewards, flags and infos included;
     with the spaces of the engine's environment."""
@@ -194,10 +196,6 @@ def test_gymnasium_makes_them(id: str) -> None:
     assert isinstance(env.unwrapped, PlantVectorEnv)
     assert seen.shape == env.observation_space.shape
     env.close()
-
-
-def test_seeds_of_another_number_are_refused() -> None:
-    refuses(lambda: FrameVectorEnv(N).reset(seed=[1, 2]), "2 seeds for 3")
 
 
 OBSERVER = Observer(("a", "b"), (2.0, 10.0), history=3, command_max=(4.0,), limit=5.0)

@@ -1,9 +1,11 @@
-"""A first identification: known parameters from data of another code, and errors on records held out."""
+"""A first identification against data of another code, errors on records held out, and what it says besides."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -12,13 +14,19 @@ import pytest
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_info  # type: ignore[import-untyped]
 
-from excitation import from_rest, multisine, wave
+from excitation import from_rest, multisine, random_steps, sine, wave
 from laboratory import TRUE, rig_tests
-from mrdamp.identify import RecordError, error, identify, pooled
+from mrdamp import sets
+from mrdamp.cli import main
+from mrdamp.identify import Fit, RecordError, error, identify, pooled
+from mrdamp.identify.findings import findings
+from mrdamp.identify.intervals import channel_findings, intervals
 from mrdamp.identify.least_squares import bounded_least_squares
+from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record, embedded, read_record
 from mrdamp.records.motion import slowness
+from record_tables import write
 from refusals import refuses
 from twins import simulate
 
@@ -177,3 +185,195 @@ def test_no_residual_is_computed_twice_and_blas_keeps_to_a_thread() -> None:
     assert found.success
     assert len(seen) == len(set(seen)) == found.nfev
     assert threads <= {1}
+
+
+DT = 1e-3
+
+
+def said(train: Sequence[Record], held_out: Sequence[Record] = (), **options: object) -> tuple[Fit, str]:
+    fit = identify("bouc_wen", train, held_out, starts=1, **options)  # type: ignore[arg-type]
+    return fit, "\n".join(findings(fit, train, held_out))
+
+
+def varying(lag: float, delay: float = 0.0) -> list[Record]:
+    """A command that jumps while the rod moves, with a lag of the driver and a delay of the command (s)."""
+    out = []
+    for k, (amplitude, frequency) in enumerate(((0.006, 2.0), (0.012, 1.0))):
+        t: Array = np.asarray(DT * np.arange(4001), dtype=np.float64)
+        rng = np.random.default_rng(k)
+        command = random_steps(0.0, 1.0, 0.237, 17, seed=k)
+        p = TRUE["bouc_wen"] | {"driver_lag_tau": lag, "command_delay_d": delay}
+        motion = sine(amplitude, frequency)
+        force = simulate("bouc_wen", p, motion, t, command)["force"]
+        force += 0.01 * np.std(force) * rng.standard_normal(len(t))
+        channels = {"displacement_m": motion.sample(t)[0], "command": command.sample(t), "force_N": force}
+        out.append(Record(f"jumps_{k}", None, DT, channels))
+    return out
+
+
+def test_a_current_of_both_signs_acts_by_its_size() -> None:
+    signs = np.random.default_rng(5).choice([-1.0, 1.0], 3)
+    records = enumerate(rig_tests("bouc_wen"))
+    train = [r.with_channels({"command": signs[k % 3] * r.command}) for k, r in records]
+    fit, lines = said(train)
+    assert fit.train_nrmse == pytest.approx(0.01, rel=0.1)
+    assert fit.model.parameters["alpha_b"] == pytest.approx(TRUE["bouc_wen"]["alpha_b"], rel=0.02)
+    assert lines == ""
+
+
+def test_a_driver_lag_that_was_not_fitted_is_told() -> None:
+    _, lines = said(varying(0.03))
+    assert "a lag of the driver of about 30 ms" in lines
+    assert "driver" not in said(varying(0.03), extras=("offset", "driver_lag"))[1]
+    assert "driver" not in said(varying(0.0))[1]
+
+
+def test_a_delay_that_was_fitted_as_a_lag_is_told_and_parted() -> None:
+    train = varying(0.008, 0.004)
+    assert "a delay of the command of about" in said(train, extras=("offset", "driver_lag"))[1]
+    fit, lines = said(train, extras=("offset", "driver_lag", "command_delay"))
+    assert "delay of the command" not in lines
+    assert fit.model.attributes["driver_lag_tau"] == pytest.approx(0.008, rel=0.02)
+    assert fit.model.attributes["command_delay_d"] == pytest.approx(0.004, rel=0.02)
+
+
+def test_what_is_left_by_chance_is_a_small_share() -> None:
+    """Records that hold all it needs get no line; a delay of the force of 2 ms is most of what is left."""
+    train = rig_tests("bouc_wen")
+    fit, lines = said(train)
+    assert lines == ""
+    assert max(c.delay_share for c in channel_findings(fit, train)) < 0.05
+    late = [r.with_channels({"force_N": np.roll(r.channel("force_N"), 2)}) for r in train]
+    assert np.median([c.delay_share for c in channel_findings(fit, late)]) > 0.2
+
+
+@pytest.mark.parametrize("steps", [False, True])
+def test_noise_or_steps_of_the_displacement_are_told(steps: bool) -> None:
+    rng, size = np.random.default_rng(3), 2e-5
+
+    def coarse(r: Record) -> Array:
+        x = r.displacement
+        return size * np.round(x / size) if steps else x + size * rng.standard_normal(r.n)
+
+    train = [r.with_channels({"displacement_m": coarse(r)}) for r in rig_tests("bouc_wen", chosen=(0, 4, 8))]
+    assert f"noise or steps of the displacement{'' if steps else ', 20 um'}" in said(train)[1]
+
+
+@pytest.mark.parametrize(("samples", "told"), [(5, False), (40, True)])
+def test_a_value_at_its_limit_is_told(samples: int, told: bool) -> None:
+    train = [
+        r.with_channels({"force_N": np.roll(r.channel("force_N"), samples)}).part(0.1, 3.9)
+        for r in rig_tests("bouc_wen", chosen=(0, 4, 8))
+    ]
+    fit, lines = said(train, extras=("channel_shift",))
+    assert ("channel_shift_d is at the end of its range" in lines) is told
+    if not told:
+        assert fit.model.attributes["channel_shift_d"] == pytest.approx(-0.001 * samples, abs=2e-4)
+
+
+def test_one_command_alone_is_told_and_kept() -> None:
+    train = rig_tests("bouc_wen", chosen=(1, 4, 7))
+    fit, lines = said(train)
+    assert "one command, 0.5" in lines
+    assert "c0b" not in {row.name for row in intervals(fit, train)}
+    # At another command it predicts what it knows: the force at .5 A.
+    inputs = {name: train[0].channel(name) for name in ("displacement_m", "command")}
+    known, other = (
+        fit.model.simulate(DT, inputs | {"command": np.full(train[0].n, u)})["force_N"] for u in (0.5, 1.0)
+    )
+    np.testing.assert_array_equal(known, other)
+
+
+def test_a_held_out_command_beyond_the_fitted_ones_is_told() -> None:
+    records = rig_tests("bouc_wen")
+    lines = said(records[::3] + records[1::3], records[2::3])[1]
+    told = "its command runs from 1 to 1, the model holds for 0 to 0.5: 100 % of the samples are clamped"
+    assert told in lines
+
+
+def test_predict_tells_what_it_clamps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [f"{0.002 * k:.3f},{0.01 * np.sin(0.01 * k):.6f},{5 * (k > 100)}" for k in range(400)]
+    record = write(tmp_path, ["time_s,displacement_m,command", *rows])
+    model = tmp_path / "model.json"
+    found = sets.load("spencer1997_3kN")
+    Model(found.law, dict(found.parameters)).write(model)
+    assert main(["predict", str(model), str(record), "-o", str(tmp_path / "out.csv")]) == 0
+    assert "the model holds for 0 to 2.25: 75 % of the samples are clamped" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_long_records_are_fitted_with_all_of_their_motion() -> None:
+    # 11 records at 5 kHz, as a data logger writes them.
+    train = rig_tests("bouc_wen", dt=2e-4, duration=3.0)
+    train += [
+        replace(r, name=f"{r.name} again") for r in rig_tests("bouc_wen", dt=2e-4, duration=3.0, seed=1)[:2]
+    ]
+    fit, _ = said(train)
+    p = fit.model.parameters
+    assert fit.train_nrmse == pytest.approx(0.01, rel=0.1)
+    for name in ("beta", "k0", "c0a"):  # 800, 500, 650
+        assert p[name] == pytest.approx(TRUE["bouc_wen"][name], rel=0.05), name
+
+
+def _bingham(frequency: float, preload: float) -> Record:
+    """8 N tanh(v / 5 mm/s) + 30 N s/m v + a preload (N) in a sine of 10 mm."""
+    t = DT * np.arange(3001)
+    turn = 2 * np.pi * frequency
+    v = 0.01 * turn * np.cos(turn * t)
+    channels = {"displacement_m": 0.01 * np.sin(turn * t), "command": 0 * t, "velocity_m_s": v}
+    return Record(f"sine_{frequency}", None, DT, channels | {"force_N": 8 * np.tanh(v / 0.005) + 30 * v + preload})
+
+
+def test_a_preload_of_many_times_the_loop_is_fitted() -> None:
+    records = [_bingham(1.0, 360.0), _bingham(2.0, 360.0)]
+    fit = identify("bingham", records, (), extras=["offset"], starts=2)
+    assert fit.model.attributes["gas_spring_f0"] == pytest.approx(360, abs=0.05)
+    assert fit.train_nrmse < 0.01
+
+
+def test_held_out_records_that_are_faster_than_all_fitted_ones_are_told() -> None:
+    """2 pi f times 10 mm, in m/s."""
+    slow, same, fast = (_bingham(f, 0.0) for f in (1.0, 1.1, 3.0))
+    fit = identify("bingham", [slow], [same, fast], starts=1)
+    lines = [line for line in findings(fit, [slow], [same, fast]) if "extrapolation" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith("sine_3.0: held out with speeds up to 0.188 m/s, fitted up to 0.0628")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lag", [0.0, 0.012])
+def test_the_effects_that_the_records_pay_for_are_fitted_along(
+    lag: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Records of SciPy's integrator with and without a lag of the driver."""
+    files = []
+    for record in (*varying(lag), *rig_tests("bouc_wen")[:3]):
+        record.save(tmp_path / f"{record.name}.csv")
+        files.append(str(tmp_path / f"{record.name}.csv"))
+    out = tmp_path / "model.json"
+    assert main(["identify", *files, "--law", "bouc_wen", "--starts", "2", "--extras", "auto", "-o", str(out)]) == 0
+    told = capsys.readouterr().out
+    if not lag:
+        assert "no effect of the catalogue pays for itself" in told
+        return
+    assert "fitted along: driver_lag (probability" in told
+    assert Model.read(out).attributes["driver_lag_tau"] == pytest.approx(lag, rel=0.03)
+    assert main(["identify", *files, "--law", "bouc_wen", "--extras", "auto", "--intervals", "-o", str(out)]) == 2
+
+
+def test_noise_of_the_displacement_in_a_prediction_is_that_of_central_differences(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A dashpot c turns noise s of positions dt apart into c s / (sqrt(2) dt)."""
+    dt, c, s = 1e-4, 2000.0, 5e-6
+    t = dt * np.arange(20001)
+    x = 0.01 * np.sin(2 * np.pi * 2 * t) + s * np.random.default_rng(1).standard_normal(len(t))
+    dashpot = {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
+    Model("bingham", dashpot).write(tmp_path / "model.json")
+    table = np.column_stack([t, x, 0 * t])
+    np.savetxt(tmp_path / "record.csv", table, delimiter=",", header="time_s,displacement_m,command", comments="")
+    main(["predict", str(tmp_path / "model.json"), str(tmp_path / "record.csv"), "-o", str(tmp_path / "p.csv")])
+    found = re.search(r"displacement, ([\d.]+) um, are ([\d.e+]+) N", capsys.readouterr().err)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(1e6 * s, rel=0.1)
+    assert float(found[2]) == pytest.approx(c * s / (np.sqrt(2) * dt), rel=0.1)

@@ -10,15 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from PIL import Image
 
 from command_call import caller
 from excitation import Array
 from mrdamp.commands.inverse import add_to
-from mrdamp.errors import InputError
 from mrdamp.inverse import LawInverse
 from mrdamp.inverse.baselines import Fixed
-from mrdamp.inverse.network import LAGS, NetworkInverse, swapped, train_inverse
+from mrdamp.inverse.network import LAGS, NetworkInverse, train_inverse
 from mrdamp.inverse.rig import Sizes, records_of
 from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, rms, track
 from mrdamp.inverse.trial import wanted_force
@@ -128,12 +126,6 @@ def test_a_network_tracks_as_the_law_does_and_reads_back(tmp_path: Path) -> None
     runs = [track(MODEL, MOTION, wanted, net) for net in (network(), back)]
     assert runs[0].relative_error < 0.15
     np.testing.assert_array_equal(runs[0].command, runs[1].command)
-
-
-def test_swapped_series_have_the_force_of_later_in_the_commands_place() -> None:
-    s = made(5, 50)
-    turned = swapped(s, 3)
-    assert (turned.n, turned.i[10], turned.force[10], turned.v[10]) == (47, s.force[13], s.i[10], s.v[10])
 
 
 def test_records_of_a_plant_are_its_law_in_closed_form_and_noise() -> None:
@@ -252,23 +244,3 @@ def test_each_run_stands_over_its_command_in_the_loudest_part() -> None:
     share = 100 * 30.0 / float(np.sqrt(np.mean(WANTED**2)))
     assert fig.axes[0].get_title("left") == "first"
     assert fig.axes[0].get_title("right") == f"RMS error {share:.1f} %"
-
-
-@pytest.mark.slow
-def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    parameters = {"c0a": 400.0, "c0b": 150.0, "fya": 50.0, "fyb": 600.0, "v_ref": 0.01, "command_max": 2.0}
-    model, picture = tmp_path / "model.json", tmp_path / "tracks.png"
-    Model("bingham", {"command_min": 0.0, **parameters}).write(model)
-    words: list[str | Path] = ["inverse", model, "--plant", model, "--no-network", "--seconds", "2"]
-    words += ["--picture", picture]
-    assert caller(add_to)(*words, "-o", tmp_path / "out") == 0
-    assert f"picture: {picture}" in capsys.readouterr().out
-    with Image.open(picture) as image:
-        colours = np.asarray(image.convert("RGB")).reshape(-1, 3)
-        assert image.width > 600
-    # Switching and the law inverse, each in its colour.
-    for colour in ((0x00, 0x72, 0xB2), (0xD5, 0x5E, 0x00)):
-        assert (np.abs(colours.astype(int) - colour).max(axis=1) < 8).sum() > 100
-    with pytest.raises(InputError, match=r"\.svg, \.png or \.pdf"):
-        caller(add_to)(*words[:-1], tmp_path / "t.bmp", "-o", tmp_path / "none")
-    assert not (tmp_path / "none").exists()

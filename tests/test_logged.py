@@ -1,13 +1,35 @@
-"""What lies between the samples of a frame's records: filtered and unfiltered logs of a command that jumps."""
+"""What lies between the samples of a log whose filter rings or is none: against NumPy at 20 kHz."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, firwin, lsim, lti, sosfilt
 
+from mrdamp.diagnosis.problem.command_memory import ALONG, log_entry
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.report.handover import agreement
+from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
-from mrdamp.records.log_filter import FACTOR, finer, jumps, logged, rings_before_jumps
+from mrdamp.records import Record
+from mrdamp.records.log_filter import (
+    AS_SENT,
+    FACTOR,
+    FILTERED,
+    LOG,
+    LOGGER,
+    finer,
+    jumps,
+    logged,
+    rings_before_jumps,
+    unfolded,
+    without_waves,
+)
+from mrdamp.simulation.predict import free_run
 
 RATE, EVERY = 500.0, 40
 DT = 1 / RATE
@@ -92,3 +114,178 @@ def test_what_the_log_can_hold_passes_a_filtered_clock_and_back() -> None:
     ground, _ = finer(tone, tone, True)
     keep = slice(30, -30)
     assert logged(ground, True)[keep] == pytest.approx(tone[keep], abs=5e-3)
+
+
+#: Friction that turns within a sample or two.
+LAW = {"c0a": 800.0, "c0b": 600.0, "fya": 80.0, "fyb": 600.0, "v_ref": 0.004}
+
+
+def triangle(hz: float, amplitude: float) -> Array:
+    """A displacement whose corners take some milliseconds, at EVERY times the log's rate."""
+    t = np.arange(len(fine_steps())) / (RATE * EVERY)
+    return np.asarray(gaussian_filter1d(amplitude * 2 / np.pi * np.arcsin(np.sin(2 * np.pi * hz * t)), 60))
+
+
+def force(x: Array, u: Array) -> Array:
+    v = np.gradient(x, 1 / (RATE * EVERY))
+    return np.asarray(
+        (LAW["c0a"] + LAW["c0b"] * u) * v + (LAW["fya"] + LAW["fyb"] * u) * np.tanh(v / LAW["v_ref"])
+    )
+
+
+def records(*, filtered: bool) -> tuple[Record, Record]:
+    """A command that jumps, and one that stays."""
+    out = []
+    for name, u, hz in (("steps", fine_steps(), 1.2), ("held", np.ones(len(fine_steps())), 0.9)):
+        x = triangle(hz, 0.012)
+        log = decimated if filtered else lambda y: np.asarray(y[::EVERY])
+        channels = {"displacement_m": log(x), "command": log(u), "force_N": log(force(x, u))}
+        out.append(Record(name, None, DT, channels))
+    return out[0], out[1]
+
+
+def errors(rig: DamperRig) -> list[float]:
+    out = []
+    for k, r in enumerate(rig.records):
+        got, want = rig.simulate([{}], k)[0, 0], r.channel("force_N")
+        keep = slice(60, -60)
+        out.append(float(np.sqrt(np.mean((got - want)[keep] ** 2) / np.mean(want[keep] ** 2))))
+    return out
+
+
+def test_what_is_simulated_goes_through_the_logs_filter() -> None:
+    rig = DamperRig(Model("bingham", LAW), records(filtered=True))
+    assert rig.filtered
+    through = errors(rig)
+    assert max(through) < 0.012
+    alone = replace(rig)
+    alone.__dict__["filtered"] = False
+    assert min(a / t for a, t in zip(errors(alone), through, strict=True)) > 2
+
+
+def test_a_log_without_a_filter_is_taken_as_it_is() -> None:
+    rig = DamperRig(Model("bingham", LAW), records(filtered=False))
+    assert not rig.filtered
+    assert max(errors(rig)) < 0.012
+    assert LOGGER not in rig.model({}).extra
+
+
+def test_a_model_tells_of_the_filter_where_a_records_own_command_cannot(tmp_path: Path) -> None:
+    rig = DamperRig(Model("bingham", LAW), records(filtered=True))
+    rig.model({}).write(tmp_path / "model.json")
+    model = Model.read(tmp_path / "model.json")
+    assert model.extra[LOGGER] == FILTERED
+    for k, record in enumerate(rig.records):
+        got = free_run(model, record)["force_N"]
+        want = rig.simulate([{}], k)[0, 0]
+        assert np.allclose(got, want, rtol=0, atol=1e-3 * np.abs(want).max())
+    held = rig.records[1]
+    untold = free_run(replace(model, extra={}), held)["force_N"]
+    assert np.abs(untold - free_run(model, held)["force_N"]).max() > 0.02 * np.abs(untold).max()
+    assert agreement(model, held).within
+
+
+def test_a_filtered_log_has_what_was_between_its_samples() -> None:
+    x = triangle(1.2, 0.012)
+    got = unfolded(decimated(x), 4)
+    assert len(got) == 4 * (len(decimated(x)) - 1) + 1
+    off = np.abs(got - x[:: EVERY // 4][: len(got)])[240:-240]
+    assert off.max() < 2e-3 * 0.012
+
+
+LINES = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
+B, D = 0.25, 0.2
+
+
+def steps(levels: int = 3) -> Array:
+    """The jumps of the log's tests, between several levels."""
+    t = np.arange(len(fine_steps())) / (RATE * EVERY)
+    return np.asarray(fine_steps() * (0.6 + 0.2 * np.floor((t * 1.37 + 0.2) % levels)))
+
+
+def field(current: Array) -> Array:
+    """Prandtl and Ishlinskii's stops in a loop over samples, demagnetised at first."""
+    stops, out = np.zeros(6), np.empty(len(current))
+    widths = D * 2 * np.arange(1, 7) / 7
+    for k, step in enumerate(np.diff(current, prepend=current[0])):
+        stops = np.clip(stops + step, -widths, widths)
+        out[k] = current[k] - B * np.mean(stops) / D
+    return out
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    real = steps()
+    t = np.arange(len(real)) / (RATE * EVERY)
+    x, v = 0.01 * np.sin(2 * np.pi * 2.3 * t), 0.01 * 2 * np.pi * 2.3 * np.cos(2 * np.pi * 2.3 * t)
+    b = field(real)
+    force = (LINES["c0a"] + LINES["c0b"] * b) * v + (LINES["fya"] + LINES["fyb"] * b) * np.tanh(v / LINES["v_ref"])
+    channels = {"displacement_m": decimated(x), "command": decimated(real), "force_N": decimated(force)}
+    return Record("steps", None, DT, channels)
+
+
+def model() -> Model:
+    return Model("bingham", LINES, (Effect("remanence", {"b": B, "d": D, "stops": 1.0}),))
+
+
+def error(force: Array, record: Record) -> float:
+    keep = slice(60, -60)
+    want = record.channel("force_N")[keep]
+    return float(np.sqrt(np.mean((force[keep] - want) ** 2) / np.mean(want**2)))
+
+
+def test_only_waves_are_taken_off() -> None:
+    real = steps()
+    log = decimated(real)
+    held = without_waves(log, log)
+    assert held is not None
+    keep = slice(30, -30)
+    levels = np.unique(np.round(real, 9))
+    off = np.abs(held[keep, None] - levels).min(axis=1)
+    between = np.abs(np.diff(real[::EVERY], prepend=0.0)) > 0
+    near = np.convolve(between, np.ones(7), mode="same")[keep] > 0
+    assert off[~near].max() < 0.01 * levels.max()
+    assert np.abs(log[keep, None] - levels).min(axis=1)[~near].max() > 0.01 * levels.max()
+    assert held[keep].max() <= levels.max() * 1.002
+    assert without_waves(real[::EVERY], real[::EVERY]) is None
+    ramp = np.interp(np.arange(2000), [0, 700, 1400, 2000], [0.0, 1.0, 0.2, 0.9])
+    assert without_waves(ramp, ramp) is None
+
+
+def test_a_memory_is_not_led_along_the_waves(record: Record) -> None:
+    led = error(free_run(model(), record)["force_N"], record)
+    along = error(free_run(replace(model(), extra={LOG: AS_SENT}), record)["force_N"], record)
+    assert led < 0.5 * along
+    assert led < 0.02
+
+
+def test_a_diagnosis_simulates_as_predicted(record: Record) -> None:
+    rig = DamperRig(Model("bingham", LINES), (record,))
+    settings = {"remanence_b": B, "remanence_d": D, "remanence_stops": 1.0}
+    together = rig.simulate([settings, {}, {**settings, ALONG: 1.0}], 0)
+    for k, one in enumerate([settings, {}, {**settings, ALONG: 1.0}]):
+        np.testing.assert_allclose(rig.simulate([one], 0)[0], together[k])
+    led, plain, along = (error(channels[0], record) for channels in together)
+    assert led < 0.5 * along < 0.5 * plain
+    predicted = free_run(model(), record)["force_N"]
+    np.testing.assert_allclose(together[0, 0, 60:-60], predicted[60:-60], atol=0.01 * np.abs(predicted).max())
+
+
+def test_a_file_tells_how_the_command_was_logged(record: Record) -> None:
+    settings = {"remanence_b": B, "remanence_d": D, ALONG: 1.0}
+    found = DamperRig(Model("bingham", LINES), (record,)).model(settings)
+    again = Model.from_dict(found.to_dict())
+    assert again.extra[LOG] == AS_SENT
+    assert {e.name for e in again.effects} == {"remanence"}
+    assert log_entry({}) == {}
+
+
+def test_terms_along_the_log_are_there_where_a_log_rings(record: Record) -> None:
+    ringing = DamperRig(Model("bingham", LINES), (record,)).terms
+    flat = replace(record, channels={**record.channels, "command": np.full(record.n, 0.5)})
+    still = DamperRig(Model("bingham", LINES), (flat,)).terms
+    along = [t for t in ringing if ALONG in t.fixed]
+    assert along
+    assert {t.effect for t in along} == {"remanence"}
+    assert not [t for t in still if ALONG in t.fixed]
+    assert len({t.name for t in ringing}) == len(ringing) == len(still) + len(along)

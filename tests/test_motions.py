@@ -150,7 +150,7 @@ def test_missing_file(tmp_path: Path) -> None:
     assert "no such file" in refused(tmp_path / "nowhere.AT2")
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.text(max_size=200), st.booleans(), st.sampled_from(["", "# dt_s=0.01\n", NEW_AT2[:150], NEW_AT2]))
 def test_any_text_is_read_or_refused(text: str, at2: bool, head: str) -> None:
     refusal = None

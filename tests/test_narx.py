@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
 from dampers import rms
 from excitation import Array, multisine, random_steps, sine, wave
-from mjcf_builders import HEAVY, Damper, Sensor, compiled, document, drive, grid, slider, step_through
+from mjcf_builders import HEAVY, Damper, Sensor, compiled, document, drive, grid, slider
 from mrdamp.model import core
 from networks import Network, random_network
 from refusals import refuses
@@ -110,21 +109,6 @@ def test_weights_from_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setenv("MRDAMP_PATH", f"{tmp_path}/near:{tmp_path}/far")
     found = drive(rig(net.sample_time, weights="net.txt"), x, v, u)["force"]
     np.testing.assert_array_equal(found, expected)
-
-
-def test_weights_in_the_model_survive_a_binary_file(tmp_path: Path) -> None:
-    net = NETWORKS["one layer"]
-    damper = Damper("narx", {"weights": "text:net"})
-    text = document(slider(3.0, stiffness=4000.0), [damper], extra=custom(net))
-    model, data = compiled(text)
-    mujoco.mj_saveModel(model, str(tmp_path / "model.mjb"))
-    again = mujoco.MjModel.from_binary_path(str(tmp_path / "model.mjb"))
-    copy = mujoco.MjData(again)
-    data.qpos[0] = copy.qpos[0] = 0.004
-    first, second = step_through(model, data, 500), step_through(again, copy, 500)
-    assert rms(first.sensors) > 20.0
-    np.testing.assert_array_equal(first.x, second.x)
-    np.testing.assert_array_equal(first.sensors, second.sensors)
 
 
 BROKEN = (

@@ -17,9 +17,9 @@ from mrdamp.model import Model
 from mrdamp.narx import splits
 from mrdamp.narx.network import Network
 from mrdamp.narx.train import Checkpoint
-from mrdamp.records import Record, RecordSet, embedded
+from mrdamp.records import Record, embedded
 from mrdamp.simulation.stepping import drive_rig
-from narx_data import made, motion, recursion, small
+from narx_data import made, motion, recursion
 from networks import twin
 from refusals import refuses
 
@@ -225,19 +225,3 @@ def test_bad_input_is_told_in_a_line(folder: Path, tmp_path: Path) -> None:
     for arguments, message in cases:
         refuses(partial(run, "identify", *arguments, "-o", out), message)
         assert not out.exists()
-
-
-def test_score_at_the_records_own_rate() -> None:
-    """A record at half the network's rate counts as the plugin steps it, not as it was resampled."""
-    fine = as_record(600, 1, "a")
-    slow = fine.resample(4e-3)
-    parts = splits.of_records(RecordSet("two", (fine,), (slow,)), 2e-3)
-    assert [s.sample_time for s in parts.validation] == [2e-3]
-    assert parts.whole[0].sample_time == 4e-3
-    net = small((4,))
-    force = Model("narx", weights=net.to_text()).simulate(
-        4e-3, {"displacement_m": slow.displacement, "velocity_m_s": slow.velocity(), "command": slow.command}
-    )["force_N"]
-    measured = slow.channel("force_N")
-    error = float(np.sqrt(np.mean((force - measured)[5:] ** 2)) / np.std(measured[5:]))
-    assert parts.score(net) == pytest.approx(error, rel=1e-6)

@@ -145,19 +145,6 @@ def test_bad_networks_are_told_in_a_line() -> None:
         refuses(make, message)
 
 
-def test_disturbed_segments_start_off_by_one_shift_and_do_not_count_at_once() -> None:
-    net, s = small((5,)), made(103, 4)
-    plain, off = (FreeRun.of(net, [s], 20, skip=6, disturb=size) for size in (0.0, 1.5))
-    shift = off.past - plain.past
-    np.testing.assert_array_equal(shift[:, ::2], 0.0)
-    np.testing.assert_allclose(
-        shift[:, 1::2], np.broadcast_to(shift[:1, 1::2], shift[:, 1::2].shape), atol=1e-12
-    )
-    assert 0.0 < np.max(np.abs(shift)) <= 1.5
-    assert plain.counts.all()
-    np.testing.assert_array_equal(off.counts.sum(axis=0), [20, 14, 20, 14, 20])
-
-
 @dataclass(frozen=True)
 class Linear:
     """Residuals design @ theta - target."""

@@ -15,9 +15,7 @@ from excitation import Array
 from mjcf_builders import (
     BOUC_WEN,
     DYKE,
-    HEAVY,
     Damper,
-    Sensor,
     chain,
     compiled,
     config,
@@ -55,40 +53,6 @@ def test_stiff_dampers_on_one_joint_do_not_ring(ratio: float, count: int, integr
     data.qfrc_applied[0] = 30.0
     assert step_through(model, data, 500).v[-1, 0] == pytest.approx(30.0 / (c * count), rel=1e-3)
     assert sum(data.actuator_force) == pytest.approx(-30.0, rel=1e-3)
-
-
-@pytest.mark.parametrize("mass", [0.02, 0.5, 50.0])
-def test_two_laws_on_one_joint(mass: float) -> None:
-    """A Bingham and a modified Bouc-Wen damper side by side: bounded, and the energy falls."""
-    dampers = [Damper("bingham", dashpot(600.0, 80.0), "a"), Damper("modified_bouc_wen", DYKE, "b")]
-    model, data = compiled(document(slider(mass, stiffness=1000.0), dampers, ()))
-    data.qpos[0], data.qvel[0] = 0.02, 0.5
-    track = step_through(model, data, 5000)
-    energy = 0.5 * mass * track.v[:, 0] ** 2 + 0.5 * 1000.0 * track.x[:, 0] ** 2
-    # the hysteresis of the second holds some millijoule
-    assert np.max(energy - np.minimum.accumulate(energy)) < 0.01 + 1e-3 * energy[0]
-    assert np.max(np.abs(track.v[4000:])) < 0.01
-
-
-@pytest.mark.parametrize("apart", [True, False], ids=["bodies apart", "one heavy body"])
-def test_dampers_that_do_not_move_each_other_are_as_alone(apart: bool) -> None:
-    """Motion and readings, and one body feels the sum."""
-    dampers = [Damper("bouc_wen", BOUC_WEN, "a"), Damper("modified_bouc_wen", DYKE, "b")]
-    if apart:
-        dampers[1] = Damper("modified_bouc_wen", DYKE, "b", 'joint="j1"')
-    bodies = slider(1.0 if apart else HEAVY, stiffness=3e3) + slider(0.4, stiffness=2e3, name="j1")
-    found = []
-    for chosen in (dampers, dampers[:1], dampers[1:]):
-        sensors = tuple(Sensor(d.name, d.name) for d in chosen)
-        model, data = compiled(document(bodies, chosen, sensors, options=APART))
-        data.qvel[:] = 0.4
-        found.append((step_through(model, data, 1000), float(data.qfrc_actuator.sum())))
-    (both, total), *singles = found
-    for k, (alone, _) in enumerate(singles):
-        if apart:
-            np.testing.assert_allclose(alone.x[:, k], both.x[:, k], atol=1e-9)
-        np.testing.assert_allclose(alone.sensors[:, 0], both.sensors[:, k], rtol=1e-5, atol=1e-6)
-    assert total == pytest.approx(singles[0][1] + singles[1][1], rel=1e-5)
 
 
 @pytest.mark.parametrize("scale", [1.0, 300.0])
@@ -178,17 +142,6 @@ def test_fixed_tendon_over_two_joints(law: str) -> None:
     # the springs' energy wavers with the half step between x and v
     assert taken == pytest.approx(before - energy(), rel=0.02)
     assert taken > 0.1 * before
-
-
-@pytest.mark.parametrize("gear", [0.5, -2.0])
-@pytest.mark.parametrize("law", LAWS)
-def test_gear_scales_stroke_and_force(law: str, gear: float) -> None:
-    """A gear g is a tendon of coefficient g; the sensor reads the damper's own force."""
-    geared = run(ONE, Damper(law, LAWS[law], more=f'gear="{gear!r}"'), "")
-    other = run(ONE, Damper(law, LAWS[law], on='tendon="t"'), fixed_tendon(j0=gear))
-    for one, two in zip(geared, other, strict=True):
-        np.testing.assert_allclose(one, two, rtol=1e-6, atol=1e-9 * float(np.max(np.abs(two))))
-    np.testing.assert_allclose(geared[1], gear * geared[0][:, 0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("gear", [0.5, 3.0])

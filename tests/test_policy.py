@@ -341,15 +341,6 @@ def test_the_velocity_is_led_by_signals_that_are_its_rate(tmp_path: Path) -> Non
     refuses(lambda: Policy.from_dict(data), "ahead")
 
 
-def test_a_file_without_the_new_entries_is_a_policy_as_before() -> None:
-    data = moving(ForceLevels(MOVING.commands, MOVING.forces)).to_dict()
-    assert "damping" not in data["levels"]
-    del data["ahead"]
-    old = Policy.from_dict(data)
-    y = {"stroke": 0.005, VELOCITY: 0.0, "force": 50.0}
-    assert old.command(0.0, y) == pytest.approx(np.interp(0.3 * 400.0, [100, 300], [0, 1]), rel=1e-6)
-
-
 def test_the_scores_share_of_road_holding_is_a_setting() -> None:
     means = {"comfort_ratio": 0.8, "load_ratio": 1.1}
     assert world(CAR, {}).score(means) == pytest.approx(0.95)

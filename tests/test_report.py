@@ -1,24 +1,34 @@
-"""The page: one file that fetches nothing, says what its pictures show, and is never half written."""
+"""The page of a report and that of the demo."""
 
 from __future__ import annotations
 
+import io
 import os
 import re
-import subprocess
-import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import mujoco.viewer
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from PIL import Image
 
-from mrdamp import pictures
+from mrdamp import cli, models_xml, pictures, sets
+from mrdamp.control import passive_on
+from mrdamp.demo import UNCONTROLLED, accelerated
+from mrdamp.demo.animation import Clip, animate
 from mrdamp.errors import InputError
+from mrdamp.model import Model, effects_from
+from mrdamp.motions import embedded_motion
 from mrdamp.pictures import LoopData
 from mrdamp.pictures.style import DARK
 from mrdamp.report import Cell, Page
 from mrdamp.report import page as report
+from mrdamp.simulation.criteria import Criteria, evaluate
+from mrdamp.simulation.stepping import FrameRun, run_frame
+from mrdamp.structures import dyke1996
 
 VOID = {"meta", "img", "wbr", "br", "link"}
 EVIL = "<script>alert(\"1\")</script> & 'x'"
@@ -221,33 +231,71 @@ def test_a_failure_leaves_the_old_page(tmp_path: Path, monkeypatch: pytest.Monke
         Page("new", "new").write(tmp_path / "missing" / "index.html")
 
 
-def test_a_polyline_in_steps_is_the_same_line() -> None:
-    points = np.cumsum(np.random.default_rng(3).normal(0, 3, (200, 2)), axis=0)
-    path = "M {:.6f} {:.6f} \n".format(*points[0]) + "".join(f"L {x:.6f} {y:.6f} \n" for x, y in points[1:])
-    short = report._short(path)
-    assert len(short) < 0.6 * len(path)
-    numbers = [float(n) for n in re.findall(r"-?(?:\d+\.?\d*|\.\d+)", short)]
-    back = np.cumsum(np.reshape(numbers, (-1, 2)), axis=0)
-    np.testing.assert_allclose(back, points, atol=0.0051)
-    assert report._short("M 0 0 \nQ 1 2 3 4 \nz \n") == "M 0 0 Q 1 2 3 4 z"
+@pytest.fixture(scope="module")
+def model() -> Model:
+    found = sets.load("dyke1996_3kN")
+    return Model(
+        found.law, dict(found.parameters), effects_from(found.attributes()), rig="frame", structure=dyke1996()
+    )
 
 
-@pytest.mark.slow
-def test_pictures_leave_no_global_state() -> None:
-    code = (
-        "import sys, numpy as np, matplotlib\n"
-        "from mrdamp.pictures.style import STYLE\n"
-        "before = {key: matplotlib.rcParams[key] for key in STYLE}\n"
-        "from mrdamp import pictures\n"
-        "from mrdamp.report import Page\n"
-        "page = Page('t', 's')\n"
-        "page.figure('h', pictures.error_bars(['a'], [0.1], [True]), 'c', 'alt')\n"
-        "page.html()\n"
-        "assert 'matplotlib.pyplot' not in sys.modules\n"
-        "assert {key: matplotlib.rcParams[key] for key in STYLE} == before != STYLE\n"
+@pytest.fixture(scope="module")
+def runs(model: Model) -> dict[str, FrameRun]:
+    motion = embedded_motion().compressed(5.0)
+    return {name: run_frame(model, motion, c) for name, c in ((UNCONTROLLED, None), ("on", passive_on(2.25)))}
+
+
+def criteria(run: FrameRun) -> Criteria:
+    return evaluate(dyke1996(), run.time, run.drift, run.acceleration, run.force, None, run.command, None)
+
+
+def test_animation_moves_and_differs_from_its_still(model: Model, runs: dict[str, FrameRun]) -> None:
+    clip = Clip(size=(60, 90), count=6, slower=5.0, rate=20.0)
+    try:
+        drawn = animate(model, list(runs.values()), list(runs), 2.25, clip)
+    except InputError:
+        pytest.skip("no renderer")
+    with Image.open(io.BytesIO(drawn.moving)) as moving:
+        assert getattr(moving, "n_frames", 1) == 6
+        first = np.asarray(moving.convert("RGB"), dtype=float)
+        moving.seek(3)
+        later = np.asarray(moving.convert("RGB"), dtype=float)
+    assert first.shape == (drawn.height, drawn.width, 3) == (116, 120, 3)
+    left, right = (np.abs(first - later)[:90, part].mean() for part in (slice(0, 60), slice(60, 120)))
+    assert left > 0.1  # the frame without a damper sways
+    assert right > 0.0
+    assert len(drawn.still) < len(drawn.moving)
+
+
+def test_a_controller_that_accelerates_the_frame_gets_a_sentence(runs: dict[str, FrameRun]) -> None:
+    found = {name: criteria(run) for name, run in runs.items()}
+    free = float(found[UNCONTROLLED].peak_acceleration.max())
+    assert accelerated({**found, "on": replace(found["on"], peak_acceleration=np.full(3, 0.5 * free))}) == []
+    loud = replace(found["on"], peak_acceleration=np.array([1.5, 1.0, 1.0]) * free, switching_rate=80.0)
+    (said,) = accelerated({**found, "on": loud})
+    assert f"{1.5 * free:#.3g} m/s2 at floor 1, above the {free:#.3g} m/s2" in said
+    assert "80 times a second" in said
+    stiff = replace(
+        found["on"], peak_acceleration=np.array([0.5, 1.0, 1.5]) * free, switching_rate=0.0,
+        peak_drift=found[UNCONTROLLED].peak_drift * [0.2, 2.0, 1.0],
+    )  # fmt: skip
+    (said,) = accelerated({**found, "on": stiff})
+    assert "storey 1 nearly rigid" in said
+
+
+@pytest.mark.parametrize("name", ["frame3", "cable", "rig", "dyke1996_3kN"])
+def test_the_viewer_is_given_a_file_with_a_camera_aimed_at_it(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    seen: list[mujoco.MjModel] = []
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(
+        mujoco.viewer, "launch_from_path", lambda path: seen.append(mujoco.MjModel.from_xml_path(path))
     )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    assert cli.main(["view", name]) == 0
+    (model,) = seen
+    camera = mujoco.MjvCamera()
+    mujoco.mjv_defaultFreeCamera(model, camera)
+    assert camera.elevation > -30  # from the side; MuJoCo's own is 45 degrees from above
+    if name in models_xml.names():
+        assert Path(models_xml.path(name, "scene.xml")).is_file()

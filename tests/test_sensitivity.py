@@ -130,16 +130,6 @@ def test_an_interrupted_run_goes_on(case: Path, knowing: Knowing, capsys: pytest
     assert not list((out / "runs").glob(".*"))  # no diagnosis left its own store behind
 
 
-def test_what_was_missed_in_a_size_is_not_tried_in_smaller_ones(case: Path, knowing: Knowing) -> None:
-    out = case.parent / "out"
-    knowing.least = 0.5
-    assert main(["sensitivity", str(case), "-o", str(out), *ASKED]) == 0
-    assert knowing.calls == 3  # as they are, and each effect in its larger size
-    told = json.loads((out / "sensitivity.json").read_text())
-    assert told["complete"]
-    assert [e["outcomes"] for e in told["effects"]] == [{"0.3": "unknown"}] * 2
-
-
 def test_results_of_other_records_are_void(case: Path, knowing: Knowing) -> None:
     out = case.parent / "out"
     words = ["sensitivity", str(case), "-o", str(out), "--effects", "sensor_gain", "--sizes", "0.3"]
@@ -151,22 +141,6 @@ def test_results_of_other_records_are_void(case: Path, knowing: Knowing) -> None
     (out / "runs" / "sensor_gain_0.3.json").write_text("{")  # of a stopped machine
     assert main([*words, "--seed", "1"]) == 0
     assert knowing.calls == 5
-
-
-def test_a_failed_diagnosis_is_told_and_tried_again(
-    case: Path, knowing: Knowing, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def fails(found: Case, **_: Any) -> SimpleNamespace:
-        raise ValueError("no end\nof it")
-
-    out = case.parent / "out"
-    words = ["sensitivity", str(case), "-o", str(out), "--effects", "sensor_gain", "--sizes", "0.3"]
-    monkeypatch.setattr("mrdamp.diagnosis.run.diagnose", fails)
-    assert main(words) == 1
-    assert "failed" in capsys.readouterr().out
-    assert "no end of it" in (out / "index.html").read_text()
-    monkeypatch.setattr("mrdamp.diagnosis.run.diagnose", knowing)
-    assert main(words) == 0
 
 
 def test_the_effect_has_the_size_that_was_asked_for(case: Path) -> None:

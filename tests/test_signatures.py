@@ -1,4 +1,4 @@
-"""Signatures of loops against loops whose size is known, and against a measured clearance."""
+"""Signatures of loops whose size is known, and the delay of a displacement by the accelerometer."""
 
 from __future__ import annotations
 
@@ -8,15 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.constants import EVIDENCE_GAIN, STALL_GAIN
-from mrdamp.diagnosis.fits.left_out import ratio
-from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.channels.motion import motion
 from mrdamp.diagnosis.fits.stall import Stalls
-from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Term
 from mrdamp.diagnosis.signatures.loops import Strokes, compared
 from mrdamp.model.core import Array
 from mrdamp.records import Record, read_record
-from toy_rig import ToyRig
 
 DATA = Path(os.environ.get("MRDAMP_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
 
@@ -71,27 +68,6 @@ def test_what_a_law_without_the_clearance_lacks_by_hand() -> None:
     assert share == pytest.approx(left, rel=0.05)
 
 
-def test_a_travel_has_its_own_share_in_the_evidence() -> None:
-    """As above, beside what the cells say."""
-    x = sine()
-
-    class Moved(ToyRig):
-        def conditions(self, record: int) -> dict[str, Array]:
-            return {"displacement (m)": x, "velocity (m/s)": np.gradient(x)}
-
-    record = Record(
-        "r", None, 0.01, {"displacement_m": x, "command": 0 * x, "force_N": loop(x, 100, gap=0.003)}
-    )
-    search = Search(Problem(Moved((record,))), 1e-6)
-    within = np.zeros(search.problem.samples)
-    without = (loop(x, 100) - record.channel("force_N"))[search.problem.taken(0)] * search.problem.weights
-    alone = ratio(within, without, search.cells, search.versions(search.base, fitted=True)[-1][0])
-    travel = (0.04 / 9.04) ** (1 / 3)
-    assert search.ratio(within, without) == pytest.approx(
-        alone * travel ** (STALL_GAIN / EVIDENCE_GAIN), rel=0.02
-    )
-
-
 def test_signatures_stand_side_by_side() -> None:
     x = sine()
     forces = {
@@ -121,3 +97,58 @@ def test_the_documented_clearance_of_a_friction_damper_is_seen() -> None:
         assert travel(file) == pytest.approx(3.66e-3, rel=0.35)
     for file in sorted((DATA / "utfpr" / "train").glob("*V_ensaio.*")):
         assert travel(file) < 4e-4
+
+
+LATE = Term(
+    "channel_shift", "sensor", (Coordinate("channel_shift_d", 0.0, -0.05, 0.05, 1e-3),), ((0.002,), (-0.002,))
+)
+
+
+def record(
+    late: float, *, to: float = 20.0, gain: float = 1.0, high_pass: float = 0.0, seed: int = 1
+) -> Record:
+    """Random motion from 1 Hz on, the displacement late (s), an accelerometer with a gain and a high pass (Hz)."""
+    n, dt = 16000, 1e-3
+    rng = np.random.default_rng(seed)
+    f = np.fft.rfftfreq(n, dt)
+    w = 2 * np.pi * np.maximum(f, 1e-9)
+    moved = np.where((f >= 1) & (f <= to), np.exp(2j * np.pi * rng.random(len(f))), 0) / w
+    x = np.fft.irfft(moved * np.exp(-1j * w * late), n)
+    a = np.fft.irfft(-gain * w**2 * moved / (1 - 1j * 2 * np.pi * high_pass / w), n)
+    noise = [0.002 * np.std(y) * rng.standard_normal(n) for y in (x, a)]
+    return Record("r", None, dt, {"displacement_m": x + noise[0], "acceleration_m_s2": a + noise[1]})
+
+
+@pytest.mark.parametrize("late", [0.003, -0.0015])
+def test_a_late_displacement_is_seen_beside_the_accelerometers_gain_and_high_pass(late: float) -> None:
+    (found,) = motion([record(late), record(late, gain=1.07, high_pass=0.05, seed=2)], [LATE], {})
+    assert found.cause == "channel_shift"
+    assert found.settings is not None
+    assert found.settings["channel_shift_d"] == pytest.approx(late, rel=0.03)
+    assert found.nats > 10
+    known = motion([record(late)], [LATE], {"channel_shift_d": late})
+    assert [c.cause for c in known] == [None]  # the simulator has it
+
+
+def test_channels_in_step_and_single_frequencies_tell_nothing() -> None:
+    assert motion([record(0.0)], [LATE], {})[0].agree
+    assert motion([record(0.003, to=1.2)], [LATE], {}) == []
+    plain = record(0.003)
+    without = Record("r", None, 1e-3, {k: v for k, v in plain.channels.items() if k != "acceleration_m_s2"})
+    assert motion([plain, without], [LATE], {}) == []
+
+
+@pytest.mark.skipif(not (DATA / "nees").is_dir(), reason="no measured records with an accelerometer here")
+def test_a_measured_displacement_that_is_made_later_is_found_so_much_later() -> None:
+    measured = [read_record(f) for f in sorted((DATA / "nees" / "train").glob("*.csv*"))[:2]]
+
+    def later(r: Record, by: float) -> Record:
+        x: Array = np.interp(r.time - by, r.time, r.displacement)
+        return r.with_channels({"displacement_m": x})
+
+    delays = []
+    for by in (0.0, 0.004):
+        (found,) = motion([later(r, by) for r in measured], [LATE], {})
+        assert found.settings is not None
+        delays.append(found.settings["channel_shift_d"])
+    assert delays[1] - delays[0] == pytest.approx(0.004, rel=0.02)

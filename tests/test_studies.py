@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+from dataclasses import asdict, replace
 from importlib import resources
 from pathlib import Path
 
@@ -14,14 +16,18 @@ from mrdamp.compare import FrameBench
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.identify import identify
+from mrdamp.model import Model
 from mrdamp.motions import kanai_tajimi
 from mrdamp.records import RecordSet, embedded
+from refusals import refuses
+from studies.blindtest import rows_file
+from studies.blindtest.score import Row
 
-pytestmark = pytest.mark.slow
 POLICIES = resources.files("mrdamp") / "data" / "policies" / "frame"
 
 
 
+@pytest.mark.slow
 def test_what_is_known_ahead_counts_for_nothing_before_it_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("torch")
     study = loaded(STUDIES / "forecast_study.py")
@@ -34,6 +40,7 @@ def test_what_is_known_ahead_counts_for_nothing_before_it_is_learned(monkeypatch
     assert np.abs(after - two).max() > 1e-4
 
 
+@pytest.mark.slow
 def test_right_single_causes_with_a_comparable_parameter_count(tmp_path: Path) -> None:
     """The label of a rig's gain is its change; a place is part of the name; a wrong cause does not count."""
     study = loaded(STUDIES / "interval_coverage.py")
@@ -54,6 +61,7 @@ def test_right_single_causes_with_a_comparable_parameter_count(tmp_path: Path) -
     assert lines[-1].endswith("| 12.0 % |")  # the median of 4 and 20
 
 
+@pytest.mark.slow
 def test_the_chance_of_a_proposed_test() -> None:
     """Of four tests of each case two and one settle it: the chance of one or more of two is 1 - (1/2) (3/4)."""
     study = loaded(STUDIES / "next_test_study.py")
@@ -75,6 +83,7 @@ def test_the_chance_of_a_proposed_test() -> None:
     assert "1.41 (" in text  # geometric mean of 4 and 1/2
 
 
+@pytest.mark.slow
 def test_a_policy_is_worse_under_noise_of_its_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
     study = loaded(STUDIES / "policy_noise.py")
     policy = study.Policy.read(str(POLICIES / "adjoint" / "seed_0.json"))
@@ -87,6 +96,7 @@ def test_a_policy_is_worse_under_noise_of_its_sensors(monkeypatch: pytest.Monkey
     assert noisy.mean() > clean.mean() + 0.01
 
 
+@pytest.mark.slow
 def test_a_policy_that_is_told_its_sensors_lag_is_better(capsys: pytest.CaptureFixture[str]) -> None:
     study = loaded(STUDIES / "policy_robustness.py")
     file = str(POLICIES / "learned" / "seed_1.json")
@@ -97,15 +107,17 @@ def test_a_policy_that_is_told_its_sensors_lag_is_better(capsys: pytest.CaptureF
     assert found[1] < found[0] - 0.01
 
 
+@pytest.mark.slow
 def test_a_tenth_of_a_second_of_forecast_lowers_both_peaks() -> None:
     study = loaded(STUDIES / "preview_study.py")
     bench = FrameBench(preset.frame_model(), engine="chain", timestep=5e-4)
     motion = kanai_tajimi(5, duration=4.0, rise=0.5, plateau=2.0, decay=0.5)
-    values = study.Plans(bench).run(study.Known(motion, 1.0, 0.1))["values"]
+    values = study.Known(bench, motion, 1.0, 0.1).run()["values"]
     on = bench.values(bench.run("passive-on", motion, 1.0), bench.run(UNCONTROLLED, motion, 1.0))
     assert values["J1"] + values["J2"] < 0.9 * (on["J1"] + on["J2"])
 
 
+@pytest.mark.slow
 def test_a_sensors_effect_is_put_in_after_a_force_on_the_rod() -> None:
     """A regression of the added force on the acceleration finds the mass; in the other order it is off by the gain."""
     study = loaded(STUDIES / "spike_bench.py")
@@ -124,3 +136,82 @@ def test_a_sensors_effect_is_put_in_after_a_force_on_the_rod() -> None:
     assert abs(np.log(size["g"])) > 0.1
     assert ratios[0] == pytest.approx(0.85, abs=0.05)  # below 1 by the displacement's noise
     assert ratios[1] == pytest.approx(ratios[0], rel=0.03)
+
+
+tool = loaded(STUDIES / "bench_table.py")
+
+LAG = ("driver_lag", None)
+RIGHT = Row(
+    "case_001", "damper", "driver_lag", ("driver",), False, "effect", frozenset({LAG}),
+    (frozenset({"driver_lag", "command_delay"}),), "driver", 0.9, 0.2, 0.1, 20.0, also=frozenset({"saturation"}),
+    base=0.1, misfit=0.05,
+)  # fmt: skip
+PLACED = replace(
+    RIGHT, case="case_002", rig="frame", label="floor_mass@2", named=frozenset({("floor_mass", "1")}), after=0.25,
+    seconds=40.0, misfit=0.1,
+)  # fmt: skip
+OWN = replace(RIGHT, case="case_003", label="~own", verdict="unknown", named=frozenset(), misfit=0.1)
+FAILED = replace(OWN, case="case_004", verdict="failed", probability=math.nan, after=math.nan, stage=None)
+ROWS = [replace(RIGHT, baseline=True), PLACED, OWN, FAILED]
+
+
+def test_rows_are_read_as_they_were_written(tmp_path: Path) -> None:
+    rows_file.write(tmp_path / "rows.json", ROWS)
+    assert json.loads((tmp_path / "rows.json").read_text())[3]["after"] is None
+    read = rows_file.read(tmp_path / "rows.json")
+    np.testing.assert_equal([asdict(row) for row in read], [asdict(row) for row in ROWS])  # NaN equals NaN
+
+
+@pytest.mark.parametrize("text", ["", "[1]", '[{"case": "a"}]', "{"])
+def test_another_file_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "rows.json").write_text(text)
+    refuses(lambda: rows_file.read(tmp_path / "rows.json"), "no file of scored rows")
+
+
+def test_table_counts_by_group() -> None:
+    lines = dict(line.strip("| ").split(" | ", 1) for line in tool.table(ROWS).splitlines()[2:])
+    assert lines["single effects named"].split(" | ") == [
+        "1 of 2 (.50; .09 to .91)", *("1 of 1 (1.00)", "0 of 1 (.00)") * 3
+    ]  # fmt: skip
+    assert lines["of these, base of 6 % and more"].startswith("0 of 1 (.00")
+    assert lines["controls without an invented cause"].startswith("1 of 2 (.50; .09 to .91)")
+    assert lines["gap on held-out tests over the base, median and worst"].startswith("1.00, 2.50")
+    assert lines["corrected simulator worse than the nominal one on held-out tests"].startswith("2 of 4")
+    assert lines["seconds, median and worst"].startswith("20, 40")
+    assert "pairs named" not in lines
+    assert tool.table([replace(r, misfit=math.nan) for r in ROWS]).startswith("| figure | all |\n")
+
+
+def test_answers_of_a_measured_bench_are_scored(tmp_path: Path) -> None:
+    """Two tests of one sample time; the handed-over simulator has half of the rig's yield force, the nominal none."""
+    law = {"c0a": 0.0, "c0b": 0.0, "fya": 50.0, "fyb": 0.0, "v_ref": 1e-4}
+    t = np.arange(600) * 0.002
+    own = {"time_s": t, "displacement_m": 0.01 * np.sin(9 * t), "command": np.ones_like(t)}
+    force = 2 * Model("bingham", law).simulate(0.002, own)["force_N"]
+    tests = {f"{k}/{n}": v for k in "ab" for n, v in {**own, "force_N": force, "nominal_N": 0 * force}.items()}
+    (tmp_path / "tests").mkdir()
+    np.savez(tmp_path / "tests" / "c.npz", **tests)
+    labels = {"c": {"label": "seal_friction", "stages": ["mechanics"], "gap": 1.0, "base": 0.5}}
+    (tmp_path / "labels.json").write_text(json.dumps(labels))
+    (tmp_path / "answers" / "c").mkdir(parents=True)
+    Model("bingham", law).write(tmp_path / "answers" / "c" / "corrected.json")
+    answer = {"verdict": "unknown", "effects": [], "where": {"stages": {"mechanics": 1.0}}, "probabilities": {}}
+    (tmp_path / "answers" / "c" / "diagnosis.json").write_text(json.dumps(answer))
+    (row,) = tool.of_folder(tmp_path)
+    assert (row.verdict, row.right, row.stage_right) == ("unknown", False, True)
+    assert row.before == pytest.approx(math.sqrt(2))
+    assert row.after == pytest.approx(math.sqrt(2) / 2, rel=1e-3)
+    assert row.base == pytest.approx(math.sqrt(2) / 2)
+    assert "seconds" not in tool.table([row])
+
+
+def test_a_folder_without_labels_or_answers_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["bench_table.py", str(tmp_path), "--save", str(tmp_path / "kept.json")])
+    assert tool.main() == 2
+    assert "labels.json" in capsys.readouterr().err
+    (tmp_path / "labels.json").write_text(json.dumps({"a": {"label": "driver_lag"}}))
+    assert tool.main() == 2
+    assert "no answer (diagnosis.json)" in capsys.readouterr().err
+    assert not (tmp_path / "kept.json").exists()

@@ -23,8 +23,8 @@ from mrdamp.envs import training_loads as loads
 from mrdamp.model import Effect
 from mrdamp.structures import dyke1996
 from mrdamp.train.imitation import imitated
-from mrdamp.train.learn import Left, sweep, train, watched
-from mrdamp.train.run import explored, whitening
+from mrdamp.train.learn import train
+from mrdamp.train.run import whitening
 from mrdamp.train.search import EvolutionRun
 from mrdamp.train.settings import Options, settings
 from mrdamp.train.worlds import Judge, episodes, forces, world
@@ -114,17 +114,6 @@ def test_whitening_makes_the_second_moment_one_and_leaves_rest_at_zero() -> None
     assert np.linalg.svd(held)[1].max() == pytest.approx(
         1 / (0.1 * np.sqrt((mixed**2).mean(axis=0)).max()), rel=0.01
     )
-
-
-def test_exploration_moves_the_damper_under_every_command(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mrdamp.train.run._EXPLORED", (4, 600))
-    task = world(FRAME, {"period": 4e-3, "duration": 0.8}).task(4)
-    seen = explored(task, None, 2.25, np.random.default_rng(0))
-    command = seen[:, task.observer.width - 1]
-    assert seen.shape[1] == task.observer.size
-    assert command.min() < 0.05
-    assert command.max() > 0.95
-    assert np.abs(seen).std(axis=0).min() > 0
 
 
 def test_validation_is_drawn_apart_from_training() -> None:
@@ -271,31 +260,6 @@ def test_candidates_are_scored_as_the_policies_they_become(
         policy = run.policy()
         found, _ = episodes(task, run.world, judged, lambda o, p=policy: p.commands(o, forces(task, o)))  # type: ignore[misc]
         assert run.world.score({k: float(v.mean()) for k, v in found.items()}) == pytest.approx(score, rel=1e-6)
-
-
-def test_progress_moves_within_a_training(tmp_path: Path) -> None:
-    said: list[tuple[str, float]] = []
-    sweep(small(), tmp_path / "one", [0, 1], progress=lambda what, share: said.append((what, share)))
-    for seed in (0, 1):
-        shares = [share for what, share in said if f"seed {seed}," in what]
-        assert len(shares) >= 3
-        assert shares == sorted(shares)
-        assert shares[0] == 0 < shares[1] < 1
-
-
-def test_progress_of_other_processes_is_read_from_their_folders(tmp_path: Path) -> None:
-    folders = [tmp_path / name for name in ("a", "b", "c")]
-    said: list[tuple[str, float]] = []
-    Left(folders[0])("before there is a folder", 0.5)
-    for folder in folders[:2]:
-        folder.mkdir()
-    (folders[0] / "training.json").write_text("{}")
-    left = Left(folders[1])
-    left("train", 0.5)
-    left("train", 0.9)  # within the same second
-    with watched(folders, lambda what, share: said.append((what, share))):
-        pass
-    assert said == [("train: 1.5 of 3 trainings", 0.5)]
 
 
 def test_a_sweep_takes_every_setting_and_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -104,25 +103,6 @@ def test_the_search_finds_the_minimum_of_an_ill_scaled_ellipsoid() -> None:
         cma.tell(cost(cma.ask()))
     assert cost(cma.mean) < 1e-7 * start
     assert cma.mean == pytest.approx(aim, abs=1e-3)
-
-
-def test_the_search_goes_on_from_a_file_as_if_it_had_not_stopped(tmp_path: Path) -> None:
-    def run(cma: Cma, generations: int) -> np.ndarray:
-        for _ in range(generations):
-            cma.tell((cma.ask() ** 4).sum(axis=1))
-        return cma.mean
-
-    whole = run(Cma(np.ones(4), 0.5, 8, np.random.default_rng(2)), 9)
-    first = Cma(np.ones(4), 0.5, 8, np.random.default_rng(2))
-    run(first, 5)
-    first.save(tmp_path / "c.npz")
-    second = Cma(np.zeros(4), 0.1, 8, np.random.default_rng(0))
-    second.load(tmp_path / "c.npz")
-    assert (run(second, 4) == whole).all()
-    assert np.abs(second.average - whole).max() > 0
-    once = Cma(np.zeros(4), 0.1, 8, np.random.default_rng(0))
-    once.tell((once.ask() ** 4).sum(axis=1))
-    np.testing.assert_allclose(once.average, 0.15 * once.mean)
 
 
 def test_candidates_at_once_act_as_their_networks() -> None:

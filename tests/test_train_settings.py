@@ -103,7 +103,6 @@ SMALL = {
     "ppo": ("n_envs=2", "n_steps=16", "batch_size=16", "env_kwargs.timestep=0.005"),
     "sac": ("n_envs=2", "train_freq=8", "learning_starts=40", "env_kwargs.timestep=0.005"),
 }
-FILE = {"es": "checkpoint.npz", "ppo": "checkpoint.pt"}
 
 
 def options(algorithm: str, timesteps: int) -> Options:
@@ -135,35 +134,38 @@ def narrower(file: Path) -> None:
     np.save(file, np.load(file)[:, 1:])
 
 
-@pytest.mark.parametrize("algorithm", ["es", "ppo"])
 @pytest.mark.parametrize(
-    ("file", "harm", "said"),
+    ("algorithm", "file", "harm", "said"),
     [
-        ("checkpoint", cut, "damaged"),
-        ("checkpoint", emptied, "damaged"),
-        ("checkpoint", Path.unlink, "missing"),
-        ("state.json", cut, "damaged"),
-        ("state.json", emptied, "damaged"),
-        ("state.json", Path.unlink, "missing"),
-        ("normalization.npy", cut, "damaged"),
-        ("normalization.npy", lambda file: np.save(file, np.nan * np.load(file)), "damaged"),
-        ("normalization.npy", narrower, "damaged"),
-        ("options.json", emptied, "damaged"),
-        ("policy.json", cut, "no JSON.*"),
-        ("policy.json", emptied, "not a policy.*"),
-        ("policy.json", Path.unlink, "missing"),
+        ("es", "checkpoint.npz", cut, "damaged"),
+        ("es", "checkpoint.npz", emptied, "damaged"),
+        ("es", "checkpoint.npz", Path.unlink, "missing"),
+        ("ppo", "checkpoint.pt", cut, "damaged"),
+        ("ppo", "checkpoint.pt", emptied, "damaged"),
+        ("ppo", "checkpoint.pt", Path.unlink, "missing"),
+        ("es", "state.json", cut, "damaged"),
+        ("es", "state.json", emptied, "damaged"),
+        ("es", "state.json", Path.unlink, "missing"),
+        ("es", "normalization.npy", cut, "damaged"),
+        ("es", "normalization.npy", lambda file: np.save(file, np.nan * np.load(file)), "damaged"),
+        ("es", "normalization.npy", narrower, "damaged"),
+        ("ppo", "normalization.npy", narrower, "damaged"),
+        ("es", "options.json", emptied, "damaged"),
+        ("es", "policy.json", cut, "no JSON.*"),
+        ("es", "policy.json", emptied, "not a policy.*"),
+        ("es", "policy.json", Path.unlink, "missing"),
     ],
 )
 def test_a_damaged_training_is_named(
     trained: Callable[[str], Path], algorithm: str, file: str, harm: Any, said: str, tmp_path: Path
 ) -> None:
-    out, name = tmp_path / "out", FILE[algorithm] if file == "checkpoint" else file
+    out = tmp_path / "out"
     shutil.copytree(trained(algorithm), out)
-    harm(out / name)
+    harm(out / file)
     before = {f: f.read_bytes() for f in out.rglob("*") if f.is_file()}
     given = [options(algorithm, 100_000), *([options(algorithm, 32)] if file == "policy.json" else [])]
     for each in given:  # finished, it is read too
-        refuses(partial(train, each, out), f"{name}: {said}; delete the folder, and the training begins again")
+        refuses(partial(train, each, out), f"{file}: {said}; delete the folder, and the training begins again")
     assert {f: f.read_bytes() for f in out.rglob("*") if f.is_file()} == before
 
 
@@ -172,7 +174,7 @@ def test_an_evaluation_is_written_whole_or_not_at_all(
     trained: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its second or third file cannot be: the folder has neither a policy, nor a checkpoint, nor a state."""
-    for failing in (FILE["es"], "state.json"):
+    for failing in ("checkpoint.npz", "state.json"):
         write = files.write_atomic
 
         def broken(path: Path, content: Any, failing: str = failing, write: Any = write) -> None:
