@@ -15,11 +15,12 @@ from mrdamp import cli
 from mrdamp.commands import diagnosis as command
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.fits import table
+from mrdamp.diagnosis.fits.final import AGREEMENT
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.handover import AGREEMENT, hand_over
+from mrdamp.diagnosis.report.handover import hand_over
 from mrdamp.diagnosis.report.result import Diagnosis, Gap, Where
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model

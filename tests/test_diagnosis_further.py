@@ -21,7 +21,7 @@ from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
-from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.model import Model
 from toy_rig import FIFTH, ToyRig, toy
 
@@ -121,7 +121,7 @@ def answered() -> tuple[Search, list[Fit], Decision]:
     return search, fits, decided(search, fits, {}, None)
 
 
-@pytest.mark.parametrize("by_file", [None, 0.99, 1.01], ids=lambda x: f"file {x}")
+@pytest.mark.parametrize("by_file", [None, 0.99, 1.01, np.inf], ids=lambda x: f"file {x}")
 @pytest.mark.parametrize(
     ("verdict", "share", "seen", "kept"),
     [
@@ -146,7 +146,8 @@ def test_a_correction_has_to_hold_on_left_out_records(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """share: gap of the corrected simulator over the nominal one, on left-out records and folds. by_file: the same by
-    their files, over the largest that is allowed; None: as `share`. seen: channels show the cause without a law."""
+    their files, over the largest that is allowed; None: as `share`; infinite: as the fit has it, and no better. seen:
+    channels show the cause without a law."""
     search, fits, decision = answered
     assert search.inexact
     problem = search.problem
@@ -156,10 +157,11 @@ def test_a_correction_has_to_hold_on_left_out_records(
     monkeypatch.setattr(Search, "predicted", lambda self, found: share * self.residual)
     monkeypatch.setattr(search, "direct", {"cubic": 5.0} if seen else {})
     most = 1.0 if seen else float(np.sqrt(1 - MATERIAL))
-    gaps = iter([share if by_file is None else by_file * most, 1.0])
+    fitted = pooled(problem.gaps(best.residual))
+    gaps = iter([share if by_file is None else by_file * most, 1.0] if by_file != np.inf else [fitted, fitted])
     monkeypatch.setattr(judgement, "predicted_gap", lambda model, problem: next(gaps))
     if by_file is not None and verdict in ("effect", "unknown"):
-        kept = kept and by_file < 1
+        kept = kept and by_file != 1.01
     before = replace(decision, verdict=verdict, unknown=0.6)
     handed, after = never_worse(search, fits, final, before)
     assert (handed is final) is kept

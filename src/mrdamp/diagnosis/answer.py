@@ -18,7 +18,7 @@ from mrdamp.diagnosis.evidence.judgement import scored, stated
 from mrdamp.diagnosis.evidence.resample import Interval, spread
 from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
 from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
-from mrdamp.diagnosis.fits.final import FinalFit, heldout, predicted_gap
+from mrdamp.diagnosis.fits.final import AGREEMENT, FinalFit, heldout, predicted_gap
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.outside import PREFIX, plain
@@ -29,7 +29,6 @@ from mrdamp.diagnosis.problem.make import with_model
 from mrdamp.diagnosis.problem.noise import baseline_gap
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.diagnosis.problem.rig import models_of
-from mrdamp.diagnosis.report.handover import AGREEMENT
 from mrdamp.diagnosis.report.next_test import next_test
 from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Remainder, Step, step
 from mrdamp.diagnosis.searched import Concluded, Searched

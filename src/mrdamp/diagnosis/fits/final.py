@@ -28,6 +28,9 @@ _THROUGH, _WHOLE_STEPS = 8, 3
 #: Free nominal parameters must reduce the mean square on left-out folds by this share.
 _FREER = 0.1
 
+#: Largest difference of two gaps of one simulator, as a share of the measurement's RMS.
+AGREEMENT = 0.01
+
 
 @dataclass(frozen=True)
 class FinalFit:

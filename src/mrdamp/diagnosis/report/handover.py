@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mrdamp.diagnosis.fits.final import AGREEMENT
 from mrdamp.diagnosis.problem.residuals import squared_gap
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.errors import InputError
@@ -19,8 +20,6 @@ from mrdamp.records import Record
 from mrdamp.simulation.mjcf import write_mjcf
 from mrdamp.simulation.predict import as_logged, as_read, played
 
-#: Largest difference of two gaps of one simulator, as a share of the measurement's RMS.
-AGREEMENT = 0.01
 #: Number of records in the check, those whose command changes most.
 _STEPPED = 3
 
