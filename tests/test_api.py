@@ -95,6 +95,9 @@ def test_packages_are_the_functions_of_their_names() -> None:
     ("given", "said"),
     [
         ({"controllers": "passive-on"}, "controllers is 'passive-on'; allowed: a list of names"),
+        ({"controllers": []}, "controllers is empty; leave it out for all"),
+        ({"controllers": [None]}, r"controllers are \[None\]; allowed: names"),
+        ({"amplitudes": ()}, "amplitudes is empty"),
         ({"loads": 5}, "loads is 5; allowed: a list of loads"),
         ({"loads": [1]}, "1 is no load of a frame"),
         ({"amplitudes": 1}, "amplitudes is 1; allowed: a list of numbers"),
@@ -104,6 +107,13 @@ def test_packages_are_the_functions_of_their_names() -> None:
 )
 def test_wrong_values_are_told_in_a_line(given: dict[str, Any], said: str) -> None:
     refuses(lambda: mrdamp.compare("frame", **({"controllers": ["passive-on"]} | given)), said)
+
+
+def test_wrong_kinds_are_told_in_a_line() -> None:
+    refuses(lambda: mrdamp.compare(3), "structure is 3; allowed: frame, cable, car")  # type: ignore[arg-type]
+    refuses(lambda: mrdamp.identify(3, "bingham"), "records is 3; allowed: records or their files")  # type: ignore[arg-type]
+    refuses(lambda: mrdamp.identify(None, "bingham"), "records is None")  # type: ignore[arg-type]
+    refuses(lambda: mrdamp.predict(3, "a.csv"), "predict takes a model and a record, or their files")  # type: ignore[arg-type]
 
 
 def test_a_policy_of_one_damper_on_two_is_told_of() -> None:

@@ -281,6 +281,9 @@ ON_A_ROAD = ("car", "--motions", "road.csv", "--controllers", "passive-on", "--j
         # Roads of 4 m at a speed, m/s, that are over at once or never.
         ((*ON_A_ROAD, "1e9"), "road: 4e-09 s in control periods of 0.005 s"),
         ((*ON_A_ROAD, "1e-9"), "road: 4e+09 s in control periods of 0.005 s"),
+        (("--preset", "cable", "--amplitudes", "2"), "--amplitudes has no effect on --preset cable"),
+        (("--preset", "cable", "--motions", "a.csv"), "--motions has no effect on --preset cable"),
+        (("--preset", "dyke1996", "--engine", "chain"), "--engine has no effect on --preset dyke1996"),
         (("--preset", "dyke1996"), "no_such.csv: not found"),
         (("--preset", "dyke1996", "--motions", "no.csv"), "no.csv: no such file"),
         (("--preset", "dyke1996", "--motions", "a.csv", "b.csv"), "2 motions; allowed: one"),

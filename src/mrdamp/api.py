@@ -31,9 +31,13 @@ def identify(records: RecordSet | Files, law: str = "modified_bouc_wen", **optio
     (`mrdamp.identify.laws.parametric()`). options: of `mrdamp.identify.fit.identify` (extras, dependence, follows,
     starts, seed, ...).
     """
+    from mrdamp.errors import InputError, require_kind
     from mrdamp.identify.fit import identify as fitted
     from mrdamp.records import RecordSet, read_records
 
+    require_kind("records or their files", (RecordSet, Path, str, Sequence), records=records)
+    if records is None:
+        raise InputError("records is None; allowed: records or their files")
     read = records if isinstance(records, RecordSet) else read_records(records)
     return fitted(law, read.train, read.held_out, **options)
 
@@ -73,11 +77,17 @@ def compare(
     without it, 1 plays them as they are.
     """
     from mrdamp.compare.benches import bench_of, compared
-    from mrdamp.errors import require_kind
+    from mrdamp.errors import InputError, require_kind
 
+    require_kind("frame, cable, car or file.py:NAME", str, structure=structure)
     require_kind("a list of names", (list, tuple), controllers=controllers)
     require_kind("a list of loads", (list, tuple), loads=loads)
     require_kind("a list of numbers", (list, tuple), amplitudes=amplitudes)
+    for name, given in (("controllers", controllers), ("loads", loads), ("amplitudes", amplitudes)):
+        if given is not None and not given:
+            raise InputError(f"{name} is empty; leave it out for all")
+    if not all(isinstance(c, str) for c in controllers or ()):
+        raise InputError(f"controllers are {controllers!r}; allowed: names")
     require_kind("True, False", bool, tune=tune)
     bench = bench_of(structure, model, **options)
     found = compared(

@@ -263,6 +263,8 @@ def _sets(a: argparse.Namespace) -> int:
             return 0
         print(json.dumps(found.model().to_dict(), indent=1))
         return 0
+    if a.include:
+        raise InputError("--include needs a set: mrdamp sets NAME --include")
     every = [sets.load(name) for name in sets.names()]
     if a.json:
         keys = ("id", "law", "status", "device", "sources")

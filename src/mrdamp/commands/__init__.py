@@ -212,6 +212,13 @@ def add_records(p: argparse.ArgumentParser, more: str = "") -> None:
     p.add_argument("--seed", type=seed, default=0, help="of random numbers (default: %(default)s)")
 
 
+def refuse_unused(a: argparse.Namespace, when: str, **usual: Any) -> None:
+    """Raises InputError for an option that is given and would have no effect. usual: their defaults."""
+    for name, value in usual.items():
+        if getattr(a, name) != value:
+            raise InputError(f"--{name.replace('_', '-')} {when}; leave it out")
+
+
 def add_json(p: argparse.ArgumentParser) -> None:
     """Adds `--json`."""
     p.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")

@@ -10,7 +10,15 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import OutFolder, add_command, named_model, progress_bar, save_picture, silent_output
+from mrdamp.commands import (
+    OutFolder,
+    add_command,
+    named_model,
+    progress_bar,
+    refuse_unused,
+    save_picture,
+    silent_output,
+)
 from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
 
@@ -103,6 +111,11 @@ def add_to(commands: Any) -> None:
 
 def run(a: argparse.Namespace) -> int:
     """Runs `compare`."""
+    if a.preset:
+        shown = dict.fromkeys(_SHOWN) | _USUAL | {"tune": False}
+        if a.preset == "dyke1996":
+            del shown["motions"]  # one of its own may be given
+        refuse_unused(a, f"has no effect on --preset {a.preset}", **shown)
     if a.preset == "dyke1996":
         return _dyke1996(a)
     if a.preset == "cable":

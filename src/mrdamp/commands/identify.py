@@ -20,11 +20,18 @@ from mrdamp.commands import (
     prepared,
     progress_bar,
     read,
+    refuse_unused,
     save_picture,
     show_progress,
 )
 from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, reporting
-from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
+from mrdamp.commands.narx import (
+    add_narx_options,
+    add_protocol_options,
+    check_protocol,
+    identify_narx,
+    protocol_records,
+)
 from mrdamp.errors import InputError
 from mrdamp.files import together
 
@@ -107,6 +114,11 @@ def run_identify(a: argparse.Namespace) -> dict[str, Any]:
     given = [name for name, default in a.of_networks.items() if getattr(a, name) != default]
     if a.law != "narx" and given:
         raise InputError(f"--{given[0].replace('_', '-')} is for a network (--law narx); the law is {a.law}")
+    check_protocol(a)
+    if not a.intervals:
+        refuse_unused(a, "is for --intervals", resamples=200, refit=False)
+    if a.by_command:
+        refuse_unused(a, "has no effect on --by-command, which fits lines", dependence=None)
     records = read(a)
     warnings = warnings_of(records.records)
     for warning in warnings:

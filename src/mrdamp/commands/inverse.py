@@ -8,7 +8,16 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import OutFolder, Picture, add_command, named_model, progress_bar, save_picture, seed
+from mrdamp.commands import (
+    OutFolder,
+    Picture,
+    add_command,
+    named_model,
+    progress_bar,
+    refuse_unused,
+    save_picture,
+    seed,
+)
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -68,6 +77,8 @@ def run_inverse(a: argparse.Namespace) -> int:
         raise InputError(f"--seconds is {a.seconds:g}; allowed: at least 2")
     if a.network and a.no_network:
         raise InputError("--network and --no-network exclude each other")
+    if a.stroke is None:
+        refuse_unused(a, "is for --stroke", band=(0.5, 5.0))
     if a.json and a.picture:
         raise InputError("--json and --picture exclude each other")
     records = None

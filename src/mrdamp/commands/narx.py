@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import OutFile, save_picture
+from mrdamp.commands import OutFile, refuse_unused, save_picture
 from mrdamp.commands.identify_json import of_network
 from mrdamp.errors import InputError
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 #: Force at rest over the largest deviation of a training force, above which it is more than a preload's error.
 _REST = 0.05
+_COUNTS = "4000:2000:1500"
 
 
 def add_narx_options(parser: argparse.ArgumentParser) -> None:
@@ -86,7 +87,7 @@ def add_protocol_options(p: argparse.ArgumentParser) -> None:
         "--command", type=float, help="the constant command (default: the one with the most records)"
     )
     p.add_argument("--record", help="the record of varying command (default: the first long enough)")
-    p.add_argument("--counts", default="4000:2000:1500", help="samples of it, by part (default: %(default)s)")
+    p.add_argument("--counts", default=_COUNTS, help="samples of it, by part (default: %(default)s)")
 
 
 def protocol_records(a: argparse.Namespace, records: RecordSet) -> RecordSet:
@@ -99,6 +100,14 @@ def protocol_records(a: argparse.Namespace, records: RecordSet) -> RecordSet:
     if a.protocol == "constant":
         return at_constant_command(records, a.command)
     return cut_varying(records, a.record, _counts(a.counts), a.sample_time or PROTOCOL_TIME)
+
+
+def check_protocol(a: argparse.Namespace) -> None:
+    """Raises InputError for an option of another protocol."""
+    if a.protocol != "constant":
+        refuse_unused(a, "is for --protocol constant", command=None)
+    if a.protocol != "varying":
+        refuse_unused(a, "is for --protocol varying", record=None, counts=_COUNTS)
 
 
 def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress) -> dict[str, Any]:

@@ -44,8 +44,14 @@ INPUTS = {
 }
 
 
-def predict(model: Model, record: Record | Path | str) -> dict[str, Array]:
-    """`time_s` and the simulated channels, (n,) each, for the inputs of a record or its file. Raises InputError."""
+def predict(model: Model | Path | str, record: Record | Path | str) -> dict[str, Array]:
+    """`time_s` and the simulated channels, (n,) each, of a model or its file for the inputs of a record or its file.
+
+    Raises InputError.
+    """
+    if not (isinstance(model, Model | Path | str) and isinstance(record, Record | Path | str)):
+        raise InputError(f"predict takes a model and a record, or their files, not {model!r} and {record!r}")
+    model = model if isinstance(model, Model) else Model.read(model)
     read = record if isinstance(record, Record) else read_record(record, required=INPUTS[model.rig])
     return {"time_s": np.asarray(read.time), **free_run(model, read)}
 
