@@ -49,7 +49,7 @@ def parse(
     if all(is_number(name) or not name for name in header):
         raise InputError(f"{file}: no header: line 1 must name the channels (time_s,command,...)")
     if len(header) == 1 and re.search(r"[;\t]", head):
-        raise InputError(f"{file}: columns must be separated by commas")
+        raise InputError(f"{file}: line 1 must name the channels, separated by commas; see mrdamp convert")
     present = check_header(file, header, required)
     if count < _LEAST:
         raise InputError(f"{file}: {count} samples: at least {_LEAST} are needed")
