@@ -226,6 +226,15 @@ BETTER = Scored((), True, 0.0094, 0, left_out=0.92)
 A, B = (Scored((cause,), False, 0.01, 1, left_out=0.01) for cause in "ab")
 
 
+@pytest.mark.parametrize(("times", "unknown"), [(1.0, 0.0), (1.375, 0.2), (1.75, 0.5)])
+def test_no_gap_is_less_certain_the_nearer_its_limit_is(times: float, unknown: float) -> None:
+    """x^2 / (1 + x^2) for the share x of the way from the baseline's squares to 1.75 times them."""
+    found = decide([Scored((), False, times * 0.02, 0)], 0.01, own=0.02)
+    assert found.verdict == "none"
+    assert found.unknown == pytest.approx(unknown)
+
+
+
 @pytest.mark.parametrize(
     ("scored", "floor", "steady", "verdict"),
     [

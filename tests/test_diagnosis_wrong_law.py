@@ -314,7 +314,7 @@ def test_nothing_is_invented_where_only_the_law_is_wrong() -> None:
 def test_a_rig_that_is_as_its_baseline_has_no_gap() -> None:
     found = answer(case(baseline=records(first_seed=10)))
     assert found.verdict == "none"
-    assert "has not changed" in found.sentence
+    assert "No change since the baseline shows" in found.sentence
     assert not any("baseline" in note for note in found.notes)
 
 

@@ -110,7 +110,8 @@ def decide(
         verdict = "effect" if chosen.causes else "parameters"
     quiet = max(own, floor if steady else 0.0)
     if verdict != "effect" and outside is None and nominal.cost <= NONE_ABOVE * quiet:
-        return Decision("none", nominal, probabilities, 1.0, floor, excess)
+        beside = _even_at_one((nominal.cost / max(quiet, 1e-300) - 1) / (NONE_ABOVE - 1))
+        return Decision("none", nominal, probabilities, 1.0, floor, excess, beside)
     stated, beside = _stated(scores, other, fits.index(nominal))
     unknown = beside if chosen.causes else max(beside, unknown)
     return Decision(verdict, chosen, stated, left, floor, excess, unknown, outside, found)
@@ -161,8 +162,12 @@ def of_fit(found: Scored, free: tuple[float, float] = (0.0, 0.0)) -> float:
 
 def beyond(left: float) -> float:
     """Probability that free nominal parameters alone are not the cause, by the share of the excess that they leave."""
-    ratio = (left / UNKNOWN_ABOVE) ** 2
-    return float(ratio / (1 + ratio))
+    return _even_at_one(left / UNKNOWN_ABOVE)
+
+
+def _even_at_one(ratio: float) -> float:
+    """Probability of a fault by its size over the limit of a verdict without it: one half there."""
+    return float(max(ratio, 0.0) ** 2 / (1 + ratio**2))
 
 
 def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tuple[str, ...], float]:

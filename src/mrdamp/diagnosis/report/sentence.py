@@ -70,8 +70,8 @@ def _sentence(d: Diagnosis) -> str:
     if d.verdict == "none":
         if g.baseline is not None:
             return (
-                f"The rig has not changed ({likely}): the simulator's gap is {percent(g.nominal)} on these records and"
-                f" {percent(g.baseline)} on the baseline's."
+                f"No change since the baseline shows ({likely}): the simulator's gap is {percent(g.nominal)} on these"
+                f" records and {percent(g.baseline)} on the baseline's."
             )
         agreed = f"its gap is {percent(g.nominal)}, the noise of the records {percent(g.noise_floor)}"
         return f"The simulator agrees with the rig ({likely}): {agreed}."
