@@ -26,6 +26,7 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record, embedded, read_record
 from mrdamp.records.motion import slowness
+from mrdamp.simulation.predict import noisy_motion
 from record_tables import write
 from refusals import refuses
 from twins import simulate
@@ -359,6 +360,12 @@ def test_the_effects_that_the_records_pay_for_are_fitted_along(
     assert "fitted along: driver_lag (probability" in told
     assert Model.read(out).attributes["driver_lag_tau"] == pytest.approx(lag, rel=0.03)
     assert main(["identify", *files, "--law", "bouc_wen", "--extras", "auto", "--intervals", "-o", str(out)]) == 2
+
+
+def test_a_record_at_rest_has_no_noise_to_tell_of() -> None:
+    still = Record("still", None, DT, {"displacement_m": np.zeros(50), "command": np.zeros(50)})
+    model = Model("bingham", {"c0a": 1.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01})
+    assert noisy_motion(model, still, np.zeros(50)) == ""
 
 
 def test_noise_of_the_displacement_in_a_prediction_is_that_of_central_differences(

@@ -11,7 +11,7 @@ from mrdamp.identify.fit import Fit, simulate
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
-from mrdamp.simulation.predict import BEYOND, carried_noise, clamped
+from mrdamp.simulation.predict import BEYOND, carried_noise, clamped, free_run
 
 #: Share of its range next to an end within which a coordinate has reached it.
 _AT_LIMIT = 1e-3
@@ -137,7 +137,7 @@ def _lag(fit: Fit, train: Sequence[Record]) -> list[str]:
 
 def _motion(fit: Fit, train: Sequence[Record], left: float) -> list[str]:
     """Noise or steps of the displacement, as far as the law turns them into force."""
-    found = [carried_noise(fit.model, record) for record in train]
+    found = [carried_noise(fit.model, r, free_run(fit.model, r)["force_N"]) for r in train]
     level, carried = np.median(found, axis=0)  # noise may change how a record is led into
     if not level > 0 or carried < _WORTH_NOISE * left:
         return []

@@ -142,22 +142,21 @@ def motion(record: Record) -> tuple[Array, Array]:
     return x, upsampled(x, np.asarray(record.command), record.sample_time, 1).v
 
 
-def carried_noise(model: Model, record: Record) -> tuple[float, float]:
+def carried_noise(model: Model, record: Record, force: Array) -> tuple[float, float]:
     """White noise of a record's displacement (standard deviation, m) and what more of it, as large, does to the
-    predicted force (RMS, N)."""
+    predicted force (n,) N (RMS, N)."""
     level = noise(np.asarray(record.displacement))
     if not level > 0:
         return 0.0, 0.0
     drawn = level * np.random.default_rng(0).standard_normal(record.n)
     disturbed = record.with_channels({"displacement_m": record.displacement + drawn})
-    with_noise, without = (free_run(model, r)["force_N"] for r in (disturbed, record))
-    return level, float(np.sqrt(np.mean((with_noise - without) ** 2)))
+    return level, float(np.sqrt(np.mean((free_run(model, disturbed)["force_N"] - force) ** 2)))
 
 
 def noisy_motion(model: Model, record: Record, force: Array) -> str:
     """How far noise of a record's displacement is in the predicted force (n,) N; empty below WORTH_NOISE of it."""
-    level, carried = carried_noise(model, record)
-    if carried < WORTH_NOISE * float(np.std(force)):
+    level, carried = carried_noise(model, record, force)
+    if not carried > WORTH_NOISE * float(np.std(force)):
         return ""
     return (
         f"noise or steps of its displacement, {1e6 * level:.2g} um, are {carried:.3g} N of the predicted force: give a"
