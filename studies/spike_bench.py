@@ -285,6 +285,7 @@ def main() -> int:
     p.add_argument("--pairs", type=int, default=0, help="cases with two effects (default: %(default)s)")
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--bent", action="store_true", help="simulators identified on the records with the effect")
+    p.add_argument("--baseline", action="store_true", help="each case has the set's other records as its baseline")
     p.add_argument("--sets", nargs="*", default=list(RIGS), choices=list(RIGS))
     p.add_argument("--models", type=Path, help="folder of the identified simulators")
     a = p.parse_args()
@@ -301,6 +302,7 @@ def main() -> int:
             law = LAWS[(number + again) % len(LAWS)]
             model = nominal(models, name, law, sets[name])
             part = "all" if a.bent else str(own.choice(["all", "all", "part", "baseline"]))
+            part = "baseline" if a.baseline else part
             made = make(name, effects, model, sets[name], part, own, a.bent)
             if made is not None:
                 break

@@ -1,4 +1,4 @@
-"""The law identified again on the rig's baseline.
+"""The law identified again on the rig's baseline, and whether a cause is new since then.
 
 The rig is a Bouc-Wen damper whose hysteretic force bends with the current, integrated by SciPy, with noise. Its
 simulator has straight lines.
@@ -19,8 +19,14 @@ from mrdamp.diagnosis.answer import beside_given
 from mrdamp.diagnosis.attribution.frame_blocks import blocks
 from mrdamp.diagnosis.attribution.frame_damper import frame_baseline_law
 from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.evidence.changed import evidence_of_change, of_changes
+from mrdamp.diagnosis.evidence.judgement import scored
+from mrdamp.diagnosis.evidence.verdict import Decision
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law
 from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.result import Diagnosis, Gap
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.diagnosis.signatures.loops import compared
@@ -148,6 +154,36 @@ def test_the_given_simulator_stands_first_in_the_answer() -> None:
         assert own.nominal == pytest.approx(other.nominal, rel=0.02, abs=0.02)
     shown = found.pictures["nominal"]
     assert len(shown) == len(found.pictures["measured"])
+
+
+def evidence(before: float, now: float, levels: bool = True) -> float:
+    """Of a driver's lag (s, before and now) to be a change. levels: False for a baseline at constant commands."""
+    own = tuple(record(f"baseline_{k}", t, 20 + k, lag=before) for k, t in enumerate(TESTS) if levels or t[2] >= 0)
+    changed = DamperRig(lines(), records(now))
+    (term,) = (t for t in changed.terms if t.name == "driver_lag")
+    case, hypothesis = Problem(changed, coarse=True), Hypothesis((), (term,))
+    found = fit(case, hypothesis, hypothesis.start())
+    baseline = Problem(replace(changed, records=own), coarse=True)
+    return evidence_of_change(found, changed.nominal, case, baseline)["driver_lag"]
+
+
+def test_a_cause_that_the_simulator_misses_on_the_baseline_too_is_no_change() -> None:
+    assert evidence(0.0, 0.04) > 5
+    assert evidence(0.04, 0.04) < -5
+    # At constant commands nobody can tell.
+    assert abs(evidence(0.0, 0.04, levels=False)) < 0.5
+
+
+def test_what_a_set_loses_goes_to_the_one_without_the_cause_or_to_an_unknown_one() -> None:
+    terms = {t.name: t for t in rig(lines()).terms}
+    sets = [(), ("driver_lag",), ("driver_lag", "seal_friction"), ("seal_friction",)]
+    hypotheses, empty = [Hypothesis((), tuple(terms[n] for n in names)) for names in sets], np.zeros(0)
+    fits = [Fit(h, h.start(), 1.0, empty, empty) for h in hypotheses]
+    before = Decision("effect", scored(fits)[2], (0.0, 0.5, 0.4, 0.1), 0.1, 0.0, 1.0, unknown=0.2)
+    after = of_changes(before, fits, {"driver_lag": 1.0, "seal_friction": 0.25})
+    # .3 of the pair go to the lag, .075 of the friction to an unknown cause; the others then share what is left.
+    assert after.probabilities == pytest.approx([0.0, 0.8 / 0.925, 0.1 / 0.925, 0.025 / 0.925])
+    assert after.unknown == pytest.approx(0.2 + 0.8 * 0.075)
 
 
 def in_frame(record: Record) -> Record:

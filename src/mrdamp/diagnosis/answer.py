@@ -17,7 +17,7 @@ from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, hull
 from mrdamp.diagnosis.evidence.judgement import scored, stated
 from mrdamp.diagnosis.evidence.resample import Interval, spread
 from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
-from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
+from mrdamp.diagnosis.evidence.verdict import Decision, by_causes, of_cause
 from mrdamp.diagnosis.fits.final import AGREEMENT, FinalFit, heldout, predicted_gap
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
@@ -41,6 +41,8 @@ from mrdamp.records.motion import share_of_stroke
 Causes = tuple[str, ...]
 #: Number of simulators with parameters drawn within their intervals.
 _DRAWN = 20
+#: A cause that is a change with a higher probability is so without a note.
+_SURELY = 0.9
 
 
 def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
@@ -79,7 +81,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
     fitted = nominal if verdict == "none" else residual
     gaps, off = _by_files({"nominal": (case.model, nominal), "corrected": (model, fitted)}, handed.problem)
     effects = named_effects(search, chosen, final, causes, intervals, regimes_of) if named else ()
-    notes = [*_notes(found, handed, worse), *_may_be_none(effects), *off]
+    notes = [*_notes(found, handed, worse), *_missed_before(decision), *_may_be_none(effects), *off]
     gap = Gap(
         nominal=gaps["nominal"],
         recalibrated=pooled(recalibrated),
@@ -209,6 +211,15 @@ def _notes(found: Searched, handed: FinalFit, worse: Mapping[str, Sequence[str]]
             " simulator was identified (mrdamp case --baseline) separate its own error from a change"
         )
     return notes
+
+
+def _missed_before(decision: Decision) -> list[str]:
+    """Notes on causes that the simulator may miss on the baseline too."""
+    return [
+        f"{cause}: probability {p:.2f} that it is a change; else the simulator misses it on the baseline's records too"
+        for cause, p in decision.changed.items()
+        if p < _SURELY
+    ]
 
 
 def _may_be_none(effects: Sequence[Named]) -> list[str]:

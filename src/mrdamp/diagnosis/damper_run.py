@@ -67,6 +67,8 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     progress("recalibrating the nominal parameters", 0.02)
     untouched = _shortened(replace(rig, records=case.baseline)) if case.baseline else None
     base = baseline_gap(untouched, rig)
+    if again is not None:  # the gap on records that a law was fitted to is not its error elsewhere
+        base = np.maximum(base, again.after)
     # What channels of the baseline show as well is no change.
     own = {c.cause: c.nats for pair in _compared(rig, case.baseline) for c in pair} if case.baseline else {}
     direct = {c.cause: max(c.nats - own.get(c.cause, 0.0), 0.0) for c in channels if c.cause is not None}

@@ -11,6 +11,7 @@ from mrdamp.diagnosis.answer import answer
 from mrdamp.diagnosis.attribution.frame_laws import law_handed_over
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.damper_run import search_damper
+from mrdamp.diagnosis.evidence.changed import since_baseline
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
 from mrdamp.diagnosis.evidence.further import with_further
 from mrdamp.diagnosis.evidence.judgement import likely, never_worse, with_nearest
@@ -61,6 +62,7 @@ def concluded(found: Searched, progress: Progress = silent) -> Concluded:
     search = found.search
     fits, decision, other = found.judged(progress)
     fits, decision = with_further(search, fits, with_nearest(search, fits, decision))
+    decision = since_baseline(search, found.baseline, fits, decision)
     progress("fitting the corrected simulator", 0.7)
 
     def fitted() -> tuple[FinalFit, dict[str, tuple[RegimeEstimate, ...]]]:

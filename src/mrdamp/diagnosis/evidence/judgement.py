@@ -13,6 +13,7 @@ from mrdamp.diagnosis.evidence.penalties import of_baseline, of_itself
 from mrdamp.diagnosis.evidence.verdict import (
     Decision,
     Scored,
+    beside_none,
     by_causes,
     decide,
     lapse_of,
@@ -120,16 +121,20 @@ def stated(
 def likely(
     search: Search, decision: Decision, fits: Sequence[Fit], regimes: Mapping[str, Sequence[RegimeEstimate]]
 ) -> Decision:
-    """The decision without the causes whose stated probability is not above one half; none is established if that is
-    true of all. The decision is by utilities, the statement also by what these do not know (`lapse_of`): of six named
-    answers with less, on opened cases of measured rigs and of other laws, five were wrong."""
+    """The decision without the causes whose stated probability is not above one half; if that is true of all, there is
+    no gap, or its cause is unknown. The decision is by utilities, the statement also by what these do not know
+    (`lapse_of`): of six named answers with less, on opened cases of measured rigs and of other laws, five were wrong.
+    """
     if decision.verdict != "effect":
         return decision
     known = of_cause(stated(search, decision, fits, regimes))
     causes = set(decision.chosen.causes)
     named = {cause for cause in causes if known.get(cause, 0.0) > 0.5}
     if not named:
-        return not_established(decision)
+        against = beside_none(search.nominal_cost, max(search.own, decision.floor if search.steady else 0.0))
+        if against is None:
+            return not_established(decision)
+        return replace(unchanged(decision, fits), verdict="none", unknown=against)
     alike = [k for k, f in enumerate(fits) if set(f.hypothesis.causes) == named]
     if named == causes or not alike:
         return decision

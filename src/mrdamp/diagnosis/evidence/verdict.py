@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -50,7 +50,8 @@ class Decision:
     probabilities: of each fit in order. unexplained: share of the excess that the chosen fit leaves. floor:
     cost of the noise. unknown: probability that the cause is not in the catalogue; the others share the rest.
     outside: index of the rival that explains the gap better than the catalogue, or None. apart: channels of
-    one quantity differ and nothing in the catalogue explains it, so that no cause may be named for it.
+    one quantity differ and nothing in the catalogue explains it, so that no cause may be named for it. changed:
+    probability of each cause that it is new since the baseline (`evidence.changed`).
     """
 
     verdict: str
@@ -63,6 +64,7 @@ class Decision:
     outside: int | None = None
     standing: Standing | None = None
     apart: bool = False
+    changed: Mapping[str, float] = field(default_factory=dict)
 
 
 def decide(
@@ -108,10 +110,9 @@ def decide(
     verdict = "unknown"
     if outside is None and unknown <= 0.5:
         verdict = "effect" if chosen.causes else "parameters"
-    quiet = max(own, floor if steady else 0.0)
-    if verdict != "effect" and outside is None and nominal.cost <= NONE_ABOVE * quiet:
-        beside = _even_at_one((nominal.cost / max(quiet, 1e-300) - 1) / (NONE_ABOVE - 1))
-        return Decision("none", nominal, probabilities, 1.0, floor, excess, beside)
+    against = beside_none(nominal.cost, max(own, floor if steady else 0.0))
+    if verdict != "effect" and outside is None and against is not None:
+        return Decision("none", nominal, probabilities, 1.0, floor, excess, against)
     stated, beside = _stated(scores, other, fits.index(nominal))
     unknown = beside if chosen.causes else max(beside, unknown)
     return Decision(verdict, chosen, stated, left, floor, excess, unknown, outside, found)
@@ -158,6 +159,14 @@ def of_fit(found: Scored, free: tuple[float, float] = (0.0, 0.0)) -> float:
         return alone
     own = utility(found.left_out, len(found.causes), found.numbers, penalty=found.penalty)
     return own + found.direct + beside
+
+
+def beside_none(cost: float, quiet: float) -> float | None:
+    """Probability against "no gap" by the nominal simulator's cost; one half at NONE_ABOVE times the cost `quiet` of
+    the noise or of its error on the baseline, and None, no such answer, above."""
+    if cost > NONE_ABOVE * quiet:
+        return None
+    return _even_at_one((cost / max(quiet, 1e-300) - 1) / (NONE_ABOVE - 1))
 
 
 def beyond(left: float) -> float:

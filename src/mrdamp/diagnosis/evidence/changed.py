@@ -1,0 +1,147 @@
+"""Has a cause changed since the baseline, or does the simulator miss it there too? One law is fitted to both states
+together: with the cause in the case's records alone, and with it in all records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+from scipy.special import expit
+
+from mrdamp.diagnosis.constants import EVIDENCE_GAIN, INEXACT, TEMPER
+from mrdamp.diagnosis.evidence.verdict import Decision
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.left_out import cells, folds, predicted, ratio
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings, Term
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.rig import Rig
+from mrdamp.model.core import Array
+from mrdamp.records import Record
+
+#: Mark of the settings that act on the case's records alone; a model's attribute has no blank.
+_CHANGE = "changed "
+#: Iterations of each fit.
+_STEPS = 8
+
+
+@dataclass(frozen=True)
+class BothStates:
+    """The records of a case, then those of its baseline, as far as residuals need a rig; the latter without what has
+    changed."""
+
+    case: Rig
+    baseline: Rig
+
+    @property
+    def threads(self) -> int:
+        """See `Rig`."""
+        return self.case.threads
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """See `Rig`."""
+        return self.case.channels
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """See `Rig`."""
+        return (*self.case.records, *self.baseline.records)
+
+    def measured(self, record: int) -> Array:
+        """See `Rig`."""
+        rig, own = self._at(record)
+        return rig.measured(own)
+
+    def conditions(self, record: int) -> dict[str, Array]:
+        """See `Rig`."""
+        rig, own = self._at(record)
+        return rig.conditions(own)
+
+    def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        """See `Rig`."""
+        rig, own = self._at(record)
+        acting = [_acting(s, changed=rig is self.case) for s in settings]
+        distinct = list({tuple(s.items()): s for s in acting}.values())
+        runs = rig.simulate(distinct, own, coarse=coarse)
+        return runs[[distinct.index(s) for s in acting]]
+
+    def rougher(self, terms: Sequence[Term]) -> None:
+        """None: each fit has few steps."""
+
+    def _at(self, record: int) -> tuple[Rig, int]:
+        first = len(self.case.records)
+        return (self.case, record) if record < first else (self.baseline, record - first)
+
+
+def _acting(settings: Settings, *, changed: bool) -> Settings:
+    """Settings of a state; those of what has changed take the place of what was before."""
+    own = {name: value for name, value in settings.items() if not name.startswith(_CHANGE)}
+    new = {name.removeprefix(_CHANGE): value for name, value in settings.items() if name.startswith(_CHANGE)}
+    return own | new if changed else own
+
+
+def _changed(term: Term) -> Term:
+    """A term that acts on the case's records alone."""
+    coordinates = tuple(replace(c, name=_CHANGE + c.name) for c in term.coordinates)
+    fixed = {_CHANGE + name: value for name, value in term.fixed.items()}
+    return replace(term, coordinates=coordinates, fixed=fixed)
+
+
+def since_baseline(search: Search, baseline: Problem | None, fits: Sequence[Fit], decision: Decision) -> Decision:
+    """The decision with the probability of each named cause times that of a change. A simulator that reaches the noise
+    on its baseline misses nothing there."""
+    if baseline is None or decision.verdict != "effect" or search.own <= INEXACT * search.floor:
+        return decision
+    nats = evidence_of_change(fits[decision.chosen.index], search.base.hypothesis.nominal, search.problem, baseline)
+    return of_changes(decision, fits, {cause: float(expit(n / TEMPER)) for cause, n in nats.items()})
+
+
+def of_changes(decision: Decision, fits: Sequence[Fit], changed: Mapping[str, float]) -> Decision:
+    """The decision with the probabilities `changed` of causes to be changes: what a set of causes loses goes to the one
+    without the cause, or to an unknown cause."""
+    shares, unknown = np.array(decision.probabilities), decision.unknown
+    for cause, p in changed.items():
+        for k in [k for k, f in enumerate(fits) if cause in f.hypothesis.causes]:
+            lost, shares[k] = (1 - p) * shares[k], p * shares[k]
+            rest = set(fits[k].hypothesis.causes) - {cause}
+            alike = [i for i, other in enumerate(fits) if rest and set(other.hypothesis.causes) == rest]
+            if alike:
+                shares[max(alike, key=lambda i: shares[i])] += lost
+            else:
+                unknown += (1 - decision.unknown) * lost
+    shares /= max(float(shares.sum()), 1e-300)
+    return replace(decision, probabilities=tuple(map(float, shares)), unknown=unknown, changed=changed)
+
+
+def evidence_of_change(
+    found: Fit, nominal: tuple[Coordinate, ...], case: Problem, baseline: Problem
+) -> dict[str, float]:
+    """Evidence (nats), by cause of a fit, that it has changed over that it is missed in both states.
+
+    All hypotheses have the same parameters: one law with free ones (`nominal`), and the causes. They are compared by
+    what each predicts of left-out records, in the mean over the cells of each state. baseline: residuals of the
+    baseline's records.
+    """
+    problem = Problem(cast(Rig, BothStates(case.rig, baseline.rig)), stride=case.stride, coarse=True)
+    first = len(case.rig.records)
+    of_case = np.concatenate([np.full(b.span.stop - b.span.start, b.record < first) for b in problem.blocks])
+    cell, left, terms = cells(problem), folds(problem), found.hypothesis.terms
+    start = np.concatenate([found.point if found.hypothesis.nominal else np.zeros(len(nominal)), found.point])
+    start = start[: len(nominal) + sum(len(t.coordinates) for t in terms)]
+
+    def fitted(missed: str) -> Fit:
+        some = tuple(t if t.cause == missed else _changed(t) for t in terms)
+        return fit(problem, Hypothesis(nominal, some), start, most=_STEPS)
+
+    changed, out = fitted(""), {}
+    apart = predicted(problem, changed, left)
+    for cause in found.hypothesis.causes:
+        missed = fitted(cause)
+        both, best = predicted(problem, missed, left), min(changed, missed, key=lambda f: f.cost).residual
+        states = [(of, np.unique(cell[of], return_inverse=True)[1]) for of in (of_case, ~of_case)]
+        ratios = [ratio(apart[of], both[of], numbers, best[of]) for of, numbers in states]
+        out[cause] = -EVIDENCE_GAIN * float(np.sum(np.log(ratios)))
+    return out
