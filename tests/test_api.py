@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import inspect
 import json
 import pydoc
 import re
@@ -19,6 +20,7 @@ from nbformat import NotebookNode
 
 import mrdamp
 from command_call import caller
+from mrdamp import api
 from mrdamp.commands.compare import add_to as add_compare
 from mrdamp.commands.identify import add_to as add_identify
 from mrdamp.compare.benches import bench_of
@@ -81,6 +83,7 @@ def test_packages_are_the_functions_of_their_names() -> None:
     for name in ("identify", "compare", "train"):
         assert getattr(mrdamp, name) is sys.modules[f"mrdamp.{name}"]
         assert callable(getattr(mrdamp, name))
+        assert inspect.signature(getattr(mrdamp, name)) == inspect.signature(getattr(api, name))
     refuses(lambda: mrdamp.compare("boat"), "boat")
     assert all(getattr(mrdamp, name) is not None for name in mrdamp.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
@@ -98,8 +101,8 @@ def test_packages_are_the_functions_of_their_names() -> None:
         ({"controllers": []}, "controllers is empty; leave it out for all"),
         ({"controllers": [None]}, r"controllers are \[None\]; allowed: names"),
         ({"amplitudes": ()}, "amplitudes is empty"),
-        ({"loads": 5}, "loads is 5; allowed: a list of loads"),
-        ({"loads": [1]}, "1 is no load of a frame"),
+        ({"motions": 5}, "motions is 5; allowed: a list of motions"),
+        ({"motions": [1]}, "1 is no load of a frame"),
         ({"amplitudes": 1}, "amplitudes is 1; allowed: a list of numbers"),
         ({"tune": "no"}, "tune is 'no'; allowed: True, False"),
         ({"command_unit": "kV"}, "command_unit is 'kV'; allowed: A, V"),
@@ -110,7 +113,7 @@ def test_wrong_values_are_told_in_a_line(given: dict[str, Any], said: str) -> No
 
 
 def test_wrong_kinds_are_told_in_a_line() -> None:
-    refuses(lambda: mrdamp.compare(3), "structure is 3; allowed: frame, cable, car")  # type: ignore[arg-type]
+    refuses(lambda: mrdamp.compare(3), "environment is 3; allowed: frame, cable, car")  # type: ignore[arg-type]
     refuses(lambda: mrdamp.identify(3, "bingham"), "records is 3; allowed: records or their files")  # type: ignore[arg-type]
     refuses(lambda: mrdamp.identify(None, "bingham"), "records is None")  # type: ignore[arg-type]
     refuses(lambda: mrdamp.predict(3, "a.csv"), "predict takes a model and a record, or their files")  # type: ignore[arg-type]

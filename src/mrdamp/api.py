@@ -6,7 +6,7 @@ says what is wrong and what is allowed. progress: called with what is being done
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mrdamp.diagnosis.case.folder import Case
     from mrdamp.diagnosis.report.result import Diagnosis
     from mrdamp.identify import Fit
+    from mrdamp.identify.laws import Dependence
     from mrdamp.model import Model
     from mrdamp.records import RecordSet
     from mrdamp.train.run import Result
@@ -24,12 +25,24 @@ Progress = Callable[[str, float], None]
 Files = Path | str | Sequence[Path | str]
 
 
-def identify(records: RecordSet | Files, law: str = "modified_bouc_wen", **options: Any) -> Fit:
+def identify(
+    records: RecordSet | Files,
+    law: str = "modified_bouc_wen",
+    *,
+    extras: Sequence[str] = ("offset",),
+    dependence: Dependence | None = None,
+    follows: Sequence[str] | None = None,
+    start: Mapping[str, float] | None = None,
+    starts: int = 4,
+    seed: int = 0,
+    hold: bool | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Fit:
     """Fits a force law to the training part of records and evaluates it in free run on the rest.
 
     records: a set, or files, a folder or a packaged set for `read_records`. law: a force law
-    (`mrdamp.identify.laws.parametric()`). options: of `mrdamp.identify.fit.identify` (extras, dependence, follows,
-    starts, seed, ...).
+    (`mrdamp.identify.laws.parametric()`). The others: see `mrdamp.identify.fit.identify`.
     """
     from mrdamp.errors import InputError, require_kind
     from mrdamp.identify.fit import identify as fitted
@@ -39,62 +52,74 @@ def identify(records: RecordSet | Files, law: str = "modified_bouc_wen", **optio
     if records is None:
         raise InputError("records is None; allowed: records or their files")
     read = records if isinstance(records, RecordSet) else read_records(records)
-    return fitted(law, read.train, read.held_out, **options)
+    return fitted(
+        law, read.train, read.held_out, extras=extras, dependence=dependence, follows=follows, start=start,
+        starts=starts, seed=seed, hold=hold, threads=threads, progress=progress,
+    )  # fmt: skip
 
 
-def diagnose(case: Case | Path | str, **options: Any) -> Diagnosis:
+def diagnose(case: Case | Path | str, *, jobs: int = 1, progress: Progress | None = None) -> Diagnosis:
     """The cause of the difference between a simulator and a rig, with the corrected simulator.
 
-    case: read by `read_case`, or its folder. options: of `mrdamp.diagnosis.run.diagnose` (jobs, progress, ...).
+    case: read by `read_case`, or its folder. The answer does not depend on the number of jobs.
     """
     from mrdamp.diagnosis.case.folder import Case, read_case
     from mrdamp.diagnosis.run import diagnose as answered
+    from mrdamp.diagnosis.searched import silent
 
-    return answered(case if isinstance(case, Case) else read_case(case), **options)
+    return answered(case if isinstance(case, Case) else read_case(case), jobs=jobs, progress=progress or silent)
 
 
 def compare(
-    structure: str = "frame",
+    environment: str = "frame",
     controllers: Sequence[str] | None = None,
-    loads: Sequence[Any] | None = None,
+    motions: Sequence[Any] | None = None,
     amplitudes: Sequence[float] | None = None,
     *,
     model: Model | Path | str | None = None,
+    dampers: Sequence[tuple[int, int]] = (),
+    told: Model | Path | str | None = None,
+    command_unit: str | None = None,
+    period: float | None = None,
+    engine: str = "mujoco",
+    compression: float | None = None,
     tune: bool = False,
     bound: int | None = None,
     jobs: int = 1,
     keep: Path | None = None,
     progress: Progress | None = None,
-    **options: Any,
 ) -> Comparison:
-    """Controllers under loads that they were not tuned on.
+    """Controllers under motions that they were not tuned on; arguments are named as options of `mrdamp compare`.
 
-    structure: frame, cable or car. controllers: as of `mrdamp compare`; None: all. loads: ground motions or roads;
-    None: the structure's own. amplitudes: factors on them; None: 1 for given loads. model: of the damper, or its file.
-    tune: tune anew. bound: add the best commands for loads known in advance, searched for from so many runs. keep: a
-    file that a stopped comparison goes on from. options: command_unit (A or V), period (s), engine (mujoco or chain),
-    dampers and told (as in the command), and compression: a frame's ground motions are played five times as fast
-    without it, 1 plays them as they are.
+    environment: frame, cable, car, or file.py:NAME. controllers: None: all. motions: ground motions or roads; None: the
+    structure's own. amplitudes: factors on them; None: 1 for given motions. model: of the damper, or its file. dampers:
+    pairs of floors of a frame. told: the frame that controllers know. command_unit: A or V. period: s. engine: mujoco
+    or chain. compression: ground motions are played so many times as fast (5 without it). tune: tune anew. bound: add
+    the best commands for motions known in advance, searched for from so many runs. keep: a file that a stopped
+    comparison goes on from.
     """
     from mrdamp.compare.benches import bench_of, compared
     from mrdamp.errors import InputError, require_kind
 
-    require_kind("frame, cable, car or file.py:NAME", str, structure=structure)
+    require_kind("frame, cable, car or file.py:NAME", str, environment=environment)
     require_kind("a list of names", (list, tuple), controllers=controllers)
-    require_kind("a list of loads", (list, tuple), loads=loads)
+    require_kind("a list of motions", (list, tuple), motions=motions)
     require_kind("a list of numbers", (list, tuple), amplitudes=amplitudes)
-    for name, given in (("controllers", controllers), ("loads", loads), ("amplitudes", amplitudes)):
+    for name, given in (("controllers", controllers), ("motions", motions), ("amplitudes", amplitudes)):
         if given is not None and not given:
             raise InputError(f"{name} is empty; leave it out for all")
     if not all(isinstance(c, str) for c in controllers or ()):
         raise InputError(f"controllers are {controllers!r}; allowed: names")
     require_kind("True, False", bool, tune=tune)
-    bench = bench_of(structure, model, **options)
+    bench = bench_of(
+        environment, model, command_unit=command_unit, period=period, engine=engine, compression=compression,
+        dampers=dampers, told=told,
+    )  # fmt: skip
     found = compared(
-        bench, controllers, loads, amplitudes, tune=tune, bound=bound, jobs=jobs, keep=keep, progress=progress
+        bench, controllers, motions, amplitudes, tune=tune, bound=bound, jobs=jobs, keep=keep, progress=progress
     ).result
     speed = getattr(bench, "compression", 1.0)
-    if loads is not None and speed != 1.0:
+    if motions is not None and speed != 1.0:
         found = replace(found, notes=(*found.notes, f"ground motions are played at {speed:g} times their speed"))
     return found
 
@@ -103,16 +128,21 @@ def train(
     environment: str,
     out: Path | str,
     *,
-    algorithm: str = "es",
+    algo: str = "es",
     seeds: Sequence[int] = (0,),
+    timesteps: int | None = None,
+    hyperparameters: Path | str | None = None,
+    overrides: Sequence[str] = (),
+    model: Path | str | None = None,
+    others: Sequence[Path | str] = (),
+    evaluations: int = 10,
     jobs: int = 1,
     progress: Progress | None = None,
-    **options: Any,
 ) -> tuple[Result, ...]:
     """Trains a controller, one training a seed; policies are in `out`/seed_N/policy.json.
 
-    environment: mrdamp/Frame-v0, mrdamp/Cable-v0 or mrdamp/QuarterCar-v0. The same call goes on where one stopped.
-    options: of `mrdamp.train.settings.Options` (timesteps, model, overrides, evaluations, ...).
+    environment: mrdamp/Frame-v0, mrdamp/Cable-v0, mrdamp/QuarterCar-v0, or file.py:NAME. algo: as of `mrdamp train`.
+    The same call goes on where one stopped. The others: see `mrdamp.train.settings.Options`.
     """
     from mrdamp.errors import InputError
     from mrdamp.train.learn import sweep
@@ -120,5 +150,8 @@ def train(
 
     if not seeds:
         raise InputError("train: seeds is empty; give at least one")
-    chosen = Options(environment, algorithm, seeds[0], **options)
+    yaml, damper = (None if file is None else Path(file) for file in (hyperparameters, model))
+    chosen = Options(
+        environment, algo, seeds[0], timesteps, yaml, tuple(overrides), damper, evaluations, tuple(map(Path, others))
+    )
     return sweep(chosen, Path(out), seeds, jobs=jobs, progress=progress)[0].results

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
+from collections.abc import Callable
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -40,6 +41,11 @@ class Shown:
 class CalledPackage(ModuleType):
     """A package of `mrdamp` that is also the function of its name in `mrdamp.api`: `mrdamp.identify(records)`."""
 
+    @property
+    def __wrapped__(self) -> Callable[..., Any]:
+        """The function; tools that show a signature follow this name."""
+        function: Callable[..., Any] = getattr(import_module("mrdamp.api"), self.__name__.rpartition(".")[2])
+        return function
+
     def __call__(self, *args: Any, **options: Any) -> Any:
-        name = self.__name__.rpartition(".")[2]
-        return getattr(import_module("mrdamp.api"), name)(*args, **options)
+        return self.__wrapped__(*args, **options)
