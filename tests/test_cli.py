@@ -142,10 +142,20 @@ def test_what_cannot_be_done_is_one_line_and_leaves_nothing(
     assert not out.exists()
 
 
-def test_a_negative_seed_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        cli.main(["identify", "records", "--seed", "-1"])
-    assert "allowed: 0 or more" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        ("identify records --seed -1", "--seed: -1; allowed: 0 or more; see mrdamp identify --help"),
+        ("compare --engine none", "'none' (choose from 'mujoco', 'chain'); see mrdamp compare --help"),
+        ("train", "required: environment, -o/--out; see mrdamp train --help"),
+        ("damp", "invalid choice: 'damp'"),
+    ],
+)
+def test_wrong_arguments_are_told_in_a_line(call: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(call.split()) == 2
+    text = capsys.readouterr().err
+    assert said in text
+    assert text.count("\n") == 1
 
 
 def test_plugin_path_names_a_file(capsys: pytest.CaptureFixture[str]) -> None:

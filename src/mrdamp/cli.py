@@ -14,6 +14,7 @@ from typing import Any
 from mrdamp.commands import (
     OutFile,
     OutFolder,
+    Parser,
     Run,
     add_command,
     calibrate,
@@ -78,7 +79,7 @@ class _Version(argparse.Action):
 
 def build_parser() -> argparse.ArgumentParser:
     """The whole command line, as completion and the reference see it too."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="mrdamp",
         description="Magnetorheological dampers for MuJoCo, from measured record to controlled structure.",
     )

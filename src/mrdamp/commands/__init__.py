@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path, PosixPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from mrdamp.errors import InputError
 from mrdamp.files import SUFFIXES, unfit, write_atomic
@@ -34,6 +34,14 @@ def seed(text: str) -> int:
     return value
 
 
+class Parser(argparse.ArgumentParser):
+    """Tells wrong arguments in one line, as everything else is told."""
+
+    def error(self, message: str) -> NoReturn:
+        """Ends with exit code 2."""
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
 def add_command(commands: Any, name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
     """Adds a command to the subparsers of an argparse parser; `run` takes what it parsed, its outputs checked."""
     return _described(commands.add_parser(name, help=text), run, text, example)
@@ -41,7 +49,7 @@ def add_command(commands: Any, name: str, run: Run, text: str, example: str) -> 
 
 def command_parser(name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
     """The parser of a command that stands alone."""
-    return _described(argparse.ArgumentParser(name), run, text, example)
+    return _described(Parser(name), run, text, example)
 
 
 def _described(p: argparse.ArgumentParser, run: Run, text: str, example: str) -> argparse.ArgumentParser:
