@@ -216,7 +216,7 @@ def _notes(found: Searched, handed: FinalFit, worse: Mapping[str, Sequence[str]]
 def _missed_before(decision: Decision) -> list[str]:
     """Notes on causes that the simulator may miss on the baseline too."""
     return [
-        f"{cause}: probability {p:.2f} that it is a change; else the simulator misses it on the baseline's records too"
+        f"{cause}: probability {p:.2f} that it has changed; the simulator may miss it on the baseline's records too"
         for cause, p in decision.changed.items()
         if p < _SURELY
     ]

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 from scipy.special import expit
 
-from mrdamp.diagnosis.constants import EVIDENCE_GAIN, INEXACT, TEMPER
+from mrdamp.diagnosis.constants import EVIDENCE_GAIN, INEXACT, SECOND_CAUSE, TEMPER
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.left_out import cells, folds, predicted, ratio
@@ -91,12 +91,16 @@ def _changed(term: Term) -> Term:
 
 
 def since_baseline(search: Search, baseline: Problem | None, fits: Sequence[Fit], decision: Decision) -> Decision:
-    """The decision with the probability of each named cause times that of a change. A simulator that reaches the noise
-    on its baseline misses nothing there."""
+    """The decision with the probability of each named cause times that of a change.
+
+    To have changed is held to be rarer than to be missed in both states, by SECOND_CAUSE: on opened measured sets the
+    evidence of right changes is above 9 nats in 27 of 29 (others -3 and 3), of invented ones below 2 in 4 of 5 (one 21).
+    A simulator that reaches the noise on its baseline misses nothing there.
+    """
     if baseline is None or decision.verdict != "effect" or search.own <= INEXACT * search.floor:
         return decision
     nats = evidence_of_change(fits[decision.chosen.index], search.base.hypothesis.nominal, search.problem, baseline)
-    return of_changes(decision, fits, {cause: float(expit(n / TEMPER)) for cause, n in nats.items()})
+    return of_changes(decision, fits, {c: float(expit((n - SECOND_CAUSE) / TEMPER)) for c, n in nats.items()})
 
 
 def of_changes(decision: Decision, fits: Sequence[Fit], changed: Mapping[str, float]) -> Decision:
