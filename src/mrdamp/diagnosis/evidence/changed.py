@@ -94,7 +94,7 @@ def since_baseline(search: Search, baseline: Problem | None, fits: Sequence[Fit]
     """The decision with the probability of each named cause times that of a change.
 
     To have changed is held to be rarer than to be missed in both states, by SECOND_CAUSE: on opened measured sets the
-    evidence of right changes is above 9 nats in 27 of 29 (others -3 and 3), of invented ones below 2 in 4 of 5 (one 21).
+    evidence of right changes is above 9 nats in 27 of 29 (others -3, 3), of invented ones below 2 in 4 of 6 (11, 21).
     A simulator that reaches the noise on its baseline misses nothing there.
     """
     if baseline is None or decision.verdict != "effect" or search.own <= INEXACT * search.floor:
