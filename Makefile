@@ -15,7 +15,7 @@ endif
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: always help venv build tools demo test check-all bench studies mutants docs lint cpp-test sanitize tsan fuzz wheel-test clean
+.PHONY: always help venv build tools demo test check-all bench bench-gpu studies mutants docs lint cpp-test sanitize tsan fuzz wheel-test clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/p' Makefile | expand -t 19
@@ -99,6 +99,10 @@ bench: build tools  ## speed, as ratios, beside OpenSeesPy where it can be had
 	@$(pip) openseespy || echo "bench: OpenSeesPy cannot be installed; its rows are left out"
 	@LD_LIBRARY_PATH="$$(echo $(abspath $(VENV))/lib/python3.*/site-packages/openseespylinux/lib)" \
 	  $(bin)/python -m benchmarks
+
+bench-gpu: build  ## the chain on a GPU over one core; needs a card
+	@$(pip) 'mrdamp[cuda]'
+	$(bin)/python -m benchmarks.gpu
 
 studies: build tools  ## the studies behind tables of the docs (studies/README.md; some days)
 	@BIN=$(bin) studies/all.sh

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,14 @@ import numpy as np
 import pytest
 
 from excitation import Array
+from mrdamp import gpu
+from mrdamp.diagnosis.hypotheses.terms import Term
+from mrdamp.errors import InputError
+from mrdamp.gpu import fields, free_attributes, sources
 from mrdamp.model import core
 from mrdamp.model.attributes import law_number, vector
-from mrdamp.warp.native import Worlds, fields, free_attributes, sizes, sources
+from mrdamp.warp.native import Worlds, sizes
+from refusals import refuses
 from test_laws_and_effects import DT, TERMS, damper, sampled, settings_of
 
 LAWS = [law for law in core.laws() if law != "narx"]
@@ -22,13 +27,15 @@ SPECIALISED = {"bingham": "Bingham", "bouc_wen": "BoucWen", "hyperbolic_tangent"
                "modified_bouc_wen": "ModifiedBoucWen"}  # fmt: skip
 GPU = """
 #define __global__
-struct Index { int x; };
-static Index blockIdx, blockDim{1}, threadIdx;
-#include "device/worlds.cu"
-extern "C" void in_all(const mrdamp::Worlds* a) {
-  for (blockIdx.x = 0; blockIdx.x < a->worlds; blockIdx.x++) act(*a);
-}
+struct Index {{ int x; }};
+static Index blockIdx, blockDim{{1}}, threadIdx;
+#include "device/{what}.cu"
+extern "C" void in_all(const {type}* a) {{
+  for (blockIdx.x = 0; blockIdx.x < a->{threads}; blockIdx.x++) {kernel}(*a);
+}}
 """
+WORLDS = GPU.format(what="worlds", type="mrdamp::Worlds", threads="worlds", kernel="act")
+RECORDS = GPU.format(what="records", type="Records", threads="sets", kernel="run")
 
 
 def forces(law: str, params: Array, entry: Callable[[Worlds], object], taken: Array | None = None) -> tuple[Array, ...]:
@@ -93,15 +100,16 @@ def test_forces_are_the_chains(law: str) -> None:
     assert {name: x for name, x in wrong.items() if not x < most[name]} == {}
 
 
-def compiled(folder: Path, law: str, settings: dict[str, float]) -> ctypes.CDLL:
+def compiled(folder: Path, law: str, free: tuple[int, ...], text: str) -> ctypes.CDLL:
     """The sources of a GPU's kernel, compiled for the processor: a loop over threads."""
-    params, root = vector(law, damper(law) | settings), sources()
+    root = sources()
     (folder / "core").mkdir(exist_ok=True)
-    (folder / "core" / "fields.h").write_text(fields(free_attributes(params)))
-    (folder / "in_all.cc").write_text(GPU)
+    (folder / "core" / "fields.h").write_text(fields(free))
+    (folder / "in_all.cc").write_text(text)
     options = ["-std=c++17", "-O1", "-ffp-contract=off", "-shared", "-fPIC", "-w", f"-I{folder}", f"-I{root}"]
+    options += [f"-I{root.parent / 'include'}"]
     options += ["-DMRDAMP_FIELDS", "-DMRDAMP_DAMPERS=1", f"-DMRDAMP_PACK_LAW=k{SPECIALISED[law]}"]
-    library = folder / f"{law}.so"
+    library = folder / f"{len(list(folder.glob('*.so')))}.so"  # a library of one name is loaded once
     subprocess.run(["g++", *options, str(folder / "in_all.cc"), "-o", str(library)], check=True)
     return ctypes.CDLL(str(library))
 
@@ -116,19 +124,81 @@ CASES = [
 
 @pytest.mark.parametrize(("law", "settings"), CASES)
 def test_the_sources_of_the_kernel_give_the_chains_forces(tmp_path: Path, law: str, settings: dict[str, float]) -> None:
-    library = compiled(tmp_path, law, settings)
+    library = compiled(tmp_path, law, free_attributes(vector(law, damper(law) | settings)), WORLDS)
     assert off(law, settings, lambda worlds: library.in_all(ctypes.byref(worlds)), free=True) < 1e-12
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("law", "arch"), [*((law, 80) for law in LAWS), (LAWS[0], 90)])
-def test_the_kernel_compiles_for_a_gpu(law: str, arch: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("cuda.bindings", reason="the extra `cuda` is not installed")
-    from mrdamp.warp.cuda import compiled as for_gpu
+#: Columns of a run by their numbers.
+EACH = tuple(range(len(core.COLUMNS)))
 
+
+def on_processor(folder: Path) -> Callable[[gpu.Task], Array]:
+    """Runs a task by the kernel's sources, compiled for the processor."""
+
+    def run(task: gpu.Task) -> Array:
+        library, kept = compiled(folder, task.law, task.free, RECORDS), []
+
+        def put(array: np.ndarray[Any, Any]) -> int:
+            kept.append(np.ascontiguousarray(array))
+            return kept[-1].ctypes.data
+
+        out = np.empty((len(task.params), task.record.columns, task.record.n))
+        task.run(lambda record: library.in_all(ctypes.byref(record)), put, out, 0)
+        return out
+
+    return run
+
+
+def records_off(law: str, sets: Sequence[dict[str, float]], folder: Path) -> float:
+    """Largest difference of a column of the kernel from the library's, over the column's size: through a record that
+    begins in motion, with the command along lines and held."""
+    x, v, a, u = sampled(DT, 0.8)
+    params = np.array([vector(law, damper(law) | one) for one in sets])
+    lines = core.Sets(params, DT, x, u, v, a, run_in=True)
+    worst = 0.0
+    for inputs in (lines, core.Sets(params, 2 * DT, x[::2], u[::2], hold=True, substep=DT)):
+        (found,) = gpu.run_records(law, [inputs], EACH, on_processor(folder))
+        (expected,) = core.run_records(law, [inputs], columns=core.COLUMNS)
+        size = np.abs(expected).max(axis=2, keepdims=True)
+        worst = max(worst, float(np.max(np.abs(found - expected) / np.where(size > 0, size, 1))))
+    return worst
+
+
+@pytest.mark.parametrize("law", [LAWS[-1], *(pytest.param(law, marks=pytest.mark.slow) for law in LAWS[:-1])])
+def test_a_gpus_sources_take_parameter_sets_through_records(tmp_path: Path, law: str) -> None:
+    sets = [{}, {"channel_shift_d": 2e-3}, {"sensor_lag_tau": 5e-3, "driver_lag_tau": 0.01}]
+    assert records_off(law, sets, tmp_path) < 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("term", TERMS, ids=lambda term: term.name)
+def test_every_effect_of_a_gpus_sources_is_the_chains(tmp_path: Path, term: Term) -> None:
+    assert records_off("bouc_wen", [settings_of(term, term.starts[0])], tmp_path) < 1e-12
+
+
+def test_a_gpu_that_is_not_there_is_told_in_a_line() -> None:
+    x = np.zeros(100)
+    params = vector("bingham", damper("bingham"))[None]
+    refuses(lambda: core.run_many("bingham", params, DT, x, x, device="tpu"), "device is 'tpu'; allowed: cpu, cuda")
+    negative = vector("bingham", damper("bingham"))[None] - 1e6
+    refuses(lambda: core.run_many("bingham", negative, DT, x, x, device="cuda"), "v_ref = ")
+    refuses(lambda: core.run_many("narx", params, DT, x, x, device="cuda"), "networks do not run on a GPU")
+    try:
+        gpu.first_device()
+    except InputError as error:
+        refuses(lambda: core.run_many("bingham", params, DT, x, x, device="cuda"), str(error)[:40])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", ["worlds", "records"])
+@pytest.mark.parametrize(("law", "arch"), [*((law, 80) for law in LAWS), (LAWS[0], 90)])
+def test_the_kernels_compile_for_a_gpu(
+    law: str, arch: int, what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("cuda.bindings", reason="the extra `cuda` is not installed")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    params = vector(law, damper(law) | {"driver_lag_tau": 0.008})
-    code = for_gpu(SPECIALISED[law], free_attributes(params), 1, arch)
+    free = free_attributes(vector(law, damper(law) | {"driver_lag_tau": 0.008}))
+    code = gpu.compiled(what, law, free, arch)
     assert code[:4] == b"\x7fELF"
-    assert all(name in code for name in (b"act", b"read"))
-    assert for_gpu(SPECIALISED[law], free_attributes(params), 1, arch) == code  # from the cache
+    assert all(name in code for name in ((b"act", b"read") if what == "worlds" else (b"run",)))
+    assert gpu.compiled(what, law, free, arch) == code  # from the cache

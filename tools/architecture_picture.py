@@ -33,7 +33,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "identification": ("identify", "narx"),
     "reporting": ("report", "pictures"),
     "simulation": ("simulation", "models_xml", "motions", "warp"),
-    "model": ("model", "sets", "structures"),
+    "model": ("model", "sets", "structures", "gpu"),
     "records": ("records", "datasets"),
     "shared": ("errors", "files", "interrupts", "outside", "parallel", "library", "registration", "shown"),
 }

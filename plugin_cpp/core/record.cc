@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <string>
 #include <utility>
 
 #include "core/packs.h"
+#include "core/shift.h"
 
 namespace mrdamp {
 
@@ -28,45 +28,21 @@ namespace {
 // The run-in is kPath times the range long: two cycles, in which a hysteresis forgets.
 constexpr double kStart = 0.02, kMoving = 0.05, kMiddle = 0.02, kNear = 0.1, kPath = 4;
 
-// channel_shift: the true motion x_true(t) = x_read(t + d), by cubic Hermite pieces. Beyond its ends the motion
-// goes on at its velocity: to stand still there would be a jump.
-struct Shifted {
-  std::vector<double> x, v, a;
-
-  Shifted(const RecordView& r, double d) : x(r.n), v(r.n), a(r.n) {
-    for (int i = 0; i < r.n; i++) {
-      const double at = i + d / r.dt;
-      const int k = static_cast<int>(std::clamp(std::floor(at), 0.0, r.n - 2.0));
-      const double w = std::clamp(at - k, 0.0, 1.0), h = r.dt;
-      const double x0 = r.x[k], x1 = r.x[k + 1], v0 = r.v[k] * h, v1 = r.v[k + 1] * h;
-      const double b = 3 * (x1 - x0) - 2 * v0 - v1, c = 2 * (x0 - x1) + v0 + v1;
-      x[i] = x0 + w * (v0 + w * (b + w * c));
-      const double beyond = at - std::clamp(at, 0.0, r.n - 1.0);
-      const bool outside = beyond != 0;
-      v[i] = (v0 + w * (2 * b + 3 * w * c)) / h;
-      if (outside) x[i] += beyond * h * v[i];
-      a[i] = outside ? 0 : r.a[k] + w * (r.a[k + 1] - r.a[k]);
-    }
-  }
-};
-
 void RunPack(const Job* const* jobs, int count, int lanes, int ncol, const int* columns) {
   MrdampLane lane[8];
-  std::optional<Shifted> shifted[8];
+  std::vector<double> shifted[8];
   Damper plain[8];
+  const double dt = jobs[0]->record->dt;
   for (int k = 0; k < count; k++) {
     const Job& job = *jobs[k];
     const RecordView& r = *job.record;
     plain[k] = *job.d;
     lane[k] = {plain[k].p.data(), r.n, r.x, r.v, r.a, r.u, job.before.from, job.before.to, job.out};
     if (const double shift = job.d->p.channel_shift_d; shift != 0) {
-      const Shifted& moved = shifted[k].emplace(r, shift);
-      lane[k].x = moved.x.data();
-      lane[k].v = moved.v.data();
-      lane[k].a = moved.a.data();
+      shifted[k].resize(3 * static_cast<std::size_t>(r.n));
+      Shift(shift, dt, shifted[k].data(), &lane[k]);
     }
   }
-  const double dt = jobs[0]->record->dt;
   const MrdampPack* pack = count > 1 ? PackFor({plain[0]}, lanes) : nullptr;
   if (pack) pack->run(lane, count, dt, plain[0].hold, ncol, columns);
   else Run(plain[0], lane, 1, dt, ncol, columns);

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.errors import InputError, require_kind, require_positive
+from mrdamp.errors import InputError, require_kind, require_one_of, require_positive
 from mrdamp.model.attributes import (
     Attribute,
     attribute_index,
@@ -133,16 +133,24 @@ def run_records(
     lanes: int = 0,
     narx: Narx | None = None,
     columns: Sequence[str] = ("force",),
+    device: str = "cpu",
 ) -> list[Array]:
     """Parameter sets through records, all at once. Returns (sets, columns, n) for each record.
 
     `lanes`: sets that a core steps at once, 1, 4 or 8; 0: what its vector units take. The same for any number of
-    threads and lanes. Raises InputError.
+    threads and lanes. device: `cuda` is the first NVIDIA GPU (extra `cuda`), without networks. Raises InputError.
     """
     require_kind("a whole number", int, threads=threads, lanes=lanes)
     if threads < 0:
         raise InputError(f"threads is {threads}; allowed: 0 or more")
     numbers = np.array([_column(name) for name in columns], dtype=np.intc)
+    require_one_of("", ("cpu", "cuda"), device=device)
+    if device == "cuda":
+        from mrdamp.gpu import run_records as on_gpu
+
+        if narx is not None or law == "narx":
+            raise InputError("networks do not run on a GPU; leave device out")
+        return on_gpu(law, records, numbers.tolist())
     out, kept, motions = [], [], (Motions * len(records))()
     for motion, one in zip(motions, records, strict=True):
         n = len(one.x)
@@ -181,10 +189,11 @@ def run_many(
     lanes: int = 0,
     narx: Narx | None = None,
     columns: Sequence[str] = ("force",),
+    device: str = "cpu",
 ) -> Array:
     """Parameter sets through one record: arguments as in `Sets` and `run_records`. Returns (sets, columns, n)."""
     sets = Sets(params, dt, x, u, v, a, hold, run_in, substep)
-    return run_records(law, [sets], threads=threads, lanes=lanes, narx=narx, columns=columns)[0]
+    return run_records(law, [sets], threads=threads, lanes=lanes, narx=narx, columns=columns, device=device)[0]
 
 
 def run_in(dt: float, x: Array, u: Array, v: Array | None = None) -> slice | None:

@@ -20,7 +20,7 @@ from mrdamp.model.core import Array
 from mrdamp.model.native import library
 from mrdamp.warp.convert import Converted, convert
 from mrdamp.warp.kernels import add_damping, along, forces_on_joints, moment_of
-from mrdamp.warp.native import Reading, Worlds, free_attributes, sizes
+from mrdamp.warp.native import Reading, Worlds, sizes
 
 
 @dataclass
@@ -113,11 +113,10 @@ class Dampers:
     def _params(self, state: _State, params: Array) -> None:
         state.params, taken = params, params
         if self.device.is_cuda:
-            from mrdamp.warp.cuda import kernels
+            from mrdamp.gpu import free_attributes, kernels
 
-            free = free_attributes(params)
-            law = "".join(word.capitalize() for word in law_names()[self.converted.dampers[0].law].split("_"))
-            state.kernels = kernels(self.device, law, free, len(self.converted.dampers))
+            free, dampers = free_attributes(params), self.converted.dampers
+            state.kernels = kernels(self.device, "worlds", law_names()[dampers[0].law], free, len(dampers))
             taken = params[..., list(free)]
         kept = state.arrays.get("params")
         if kept is not None and kept.shape == taken.shape:

@@ -1,15 +1,9 @@
-"""C++ side of dampers in worlds (`plugin_cpp/core/worlds.h`): its structures, and its sources for a GPU's compiler."""
+"""C++ side of dampers in worlds: structures of `plugin_cpp/core/worlds.h`."""
 
 from __future__ import annotations
 
 import ctypes
-import sys
-from pathlib import Path
 
-import numpy as np
-
-from mrdamp.model.attributes import attributes, defaults
-from mrdamp.model.core import Array
 from mrdamp.model.native import library
 
 
@@ -49,32 +43,3 @@ def sizes() -> dict[str, int]:
     out = (ctypes.c_int * len(_SIZES))()
     library().mrdamp_worlds_sizes(out)
     return dict(zip(_SIZES, out, strict=True))
-
-
-def free_attributes(params: Array) -> tuple[int, ...]:
-    """Numbers of the attributes that are not neutral in params (..., attributes); the others are compiled in."""
-    rows, neutral = params.reshape(-1, params.shape[-1]), defaults()
-    given = ~((rows == neutral) | (np.isnan(rows) & np.isnan(neutral)))
-    return tuple(int(k) for k in np.flatnonzero(given.any(axis=0)))
-
-
-def fields(free: tuple[int, ...]) -> str:
-    """`core/fields.h`: the members of `Params`, all but `free` as constants."""
-
-    def literal(x: float) -> str:
-        return "kUnset" if np.isnan(x) else f"{'-' if x < 0 else ''}kInf" if np.isinf(x) else repr(float(x))
-
-    lines = []
-    for k, (row, value) in enumerate(zip(attributes(), defaults(), strict=True)):
-        kind = "Real" if k in free else "static constexpr double"
-        lines.append(f"{kind} {row.name} = {literal(value)};\n")
-    return "".join(lines)
-
-
-def sources() -> Path:
-    """Folder of the C++ sources; raises ImportError where the package lacks them."""
-    for folder in sys.modules["mrdamp"].__path__:
-        path = Path(folder) / "cpp"
-        if (path / "device" / "worlds.cu").is_file():
-            return path
-    raise ImportError("mrdamp: the C++ sources are missing from the package; install again: pip install .")
