@@ -157,7 +157,8 @@ def records_off(law: str, sets: Sequence[dict[str, float]], folder: Path) -> flo
     lines = core.Sets(params, DT, x, u, v, a, run_in=True)
     worst = 0.0
     for inputs in (lines, core.Sets(params, 2 * DT, x[::2], u[::2], hold=True, substep=DT)):
-        (found,) = gpu.run_records(law, [inputs], EACH, on_processor(folder))
+        lead = core.run_in(inputs.dt, inputs.x, inputs.u, inputs.v) if inputs.run_in else None
+        (found,) = gpu.run_records(law, [inputs], [lead], EACH, on_processor(folder))
         (expected,) = core.run_records(law, [inputs], columns=core.COLUMNS)
         size = np.abs(expected).max(axis=2, keepdims=True)
         worst = max(worst, float(np.max(np.abs(found - expected) / np.where(size > 0, size, 1))))

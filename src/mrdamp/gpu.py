@@ -12,24 +12,25 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
-from mrdamp.model import core
 from mrdamp.model.attributes import attributes, defaults
-from mrdamp.model.core import Array, Sets
+
+if TYPE_CHECKING:
+    from mrdamp.model.core import Sets
 
 try:
     from cuda.bindings import driver, nvrtc
 except ImportError:
     driver = nvrtc = None
 
+Array = NDArray[np.float64]
 #: Bytes of a thread's stack: the compiler cannot bound that of the chain's nested solves.
 _STACK = 16384
 _BLOCK = 64  # threads
@@ -232,16 +233,19 @@ Put = Callable[[NDArray[Any]], int]
 
 
 def run_records(
-    law: str, records: Sequence[Sets], columns: Sequence[int], launch: Callable[[Task], Array] | None = None
+    law: str,
+    records: Sequence[Sets],
+    leads: Sequence[slice | None],
+    columns: Sequence[int],
+    launch: Callable[[Task], Array] | None = None,
 ) -> list[Array]:
-    """`mrdamp.model.core.run_records` on the first GPU. columns: numbers. Raises InputError."""
-    return [(launch or on_gpu)(task(law, one, columns)) for one in records]
+    """`mrdamp.model.core.run_records` on the first GPU, of what it has checked. leads: samples that lead into each
+    record's motion. columns: numbers. launch: in place of a GPU. Raises InputError."""
+    each = zip(records, leads, strict=True)
+    return [(launch or on_gpu)(_task(law, one, lead, columns)) for one, lead in each]
 
 
-def task(law: str, one: Sets, columns: Sequence[int]) -> Task:
-    """Raises InputError for what the processor would refuse."""
-    v, a = (None if c is None else c[:3] for c in (one.v, one.a))
-    core.run_records(law, [replace(one, x=one.x[:3], v=v, a=a, u=one.u[:3], run_in=False)])
+def _task(law: str, one: Sets, lead: slice | None, columns: Sequence[int]) -> Task:
     number = {row.name: k for k, row in enumerate(attributes())}
     params = np.atleast_2d(np.array(one.params, dtype=float))
     if one.substep is not None:
@@ -249,7 +253,6 @@ def task(law: str, one: Sets, columns: Sequence[int]) -> Task:
     x = np.ascontiguousarray(one.x, dtype=float)
     v = _rate(x, one.dt) if one.v is None else np.ascontiguousarray(one.v, dtype=float)
     a = _rate(v, one.dt) if one.a is None else np.ascontiguousarray(one.a, dtype=float)
-    lead = core.run_in(one.dt, one.x, one.u, one.v) if one.run_in else None
     begin, end = (lead.start, lead.stop) if lead else (0, 0)
     free = free_attributes(params)
     record = Records(0, len(x), len(columns), int(one.hold), begin, end, one.dt)
