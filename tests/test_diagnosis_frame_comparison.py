@@ -20,7 +20,8 @@ from mrdamp.diagnosis.attribution.frame_laws import law_handed_over, other_law
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
-from mrdamp.diagnosis.evidence.judgement import not_established, scored
+from mrdamp.diagnosis.evidence.changed import since_baseline
+from mrdamp.diagnosis.evidence.judgement import likely, not_established, scored
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored
 from mrdamp.diagnosis.fits.final import final_fit, predicted_gap
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
@@ -259,7 +260,9 @@ def test_a_storeys_cause_of_a_frame_that_is_as_its_baseline() -> None:
         search.keep(found)
         search.own = search.nominal_cost if baseline else 0.0
         assert isinstance(problem.rig, FrameRig)
-        assert frame_run.judge(search, problem.rig, baseline)[1].verdict == verdict
+        fits, decision = frame_run.judge(search, problem.rig)
+        decision = since_baseline(search, baseline, fits, decision)
+        assert likely(search, decision, fits, {}).verdict == verdict
 
 
 def test_a_needless_cause_is_unknown() -> None:

@@ -32,7 +32,7 @@ def found(noise: float = 0.02, **truth: float) -> tuple[Search, list[Fit], Decis
     for free in (False, True):
         search.extend(free, 1)
     fits = [*search.ranked(False), *search.ranked(True)]
-    return search, fits, decided(search, fits, {}, None)
+    return search, fits, decided(search, fits, {})
 
 
 def test_a_second_cause_is_found_beside_the_first() -> None:
@@ -118,7 +118,7 @@ def answered() -> tuple[Search, list[Fit], Decision]:
     search = Search(Problem(toy({"cubic": 0.5}, 0.02)), 1e-9)
     search.extend(False, 1)
     fits = [*search.ranked(False), *search.ranked(True)]
-    return search, fits, decided(search, fits, {}, None)
+    return search, fits, decided(search, fits, {})
 
 
 @pytest.mark.parametrize("by_file", [None, 0.99, 1.01, np.inf], ids=lambda x: f"file {x}")
@@ -186,7 +186,7 @@ def test_a_simulator_that_no_model_file_takes_is_not_handed_over() -> None:
     search = Search(Problem(Wild(toy({"cubic": 0.5}, 0.02).records)), 1e-9)
     search.extend(False, 1)
     fits = [*search.ranked(False), *search.ranked(True)]
-    decision = decided(search, fits, {}, None)
+    decision = decided(search, fits, {})
     best = fits[decision.chosen.index]
     assert best.hypothesis.causes == ("cubic",)
     final = FinalFit(best, search.problem.gaps(best.residual), search.problem)

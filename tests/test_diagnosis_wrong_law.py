@@ -18,10 +18,8 @@ from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.channels.comparison import compared
 from mrdamp.diagnosis.constants import TEMPER, UNSTEADY
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
-from mrdamp.diagnosis.evidence.penalties import of_baseline
 from mrdamp.diagnosis.evidence.verdict import Scored, decide, of_parameters
 from mrdamp.diagnosis.fits.regimes import groupings
-from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.result import Named
@@ -31,7 +29,6 @@ from mrdamp.errors import InputError
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, damper_effects
 from mrdamp.records import Record, read_record
 from mrdamp.simulation.predict import write_prediction
-from toy_rig import toy
 
 DT = 0.002
 #: Bingham with the least error on records of this rig with other noise (`identify`): only its form is wrong.
@@ -258,16 +255,6 @@ def test_a_cause_is_named_by_what_it_predicts_and_not_by_little_left() -> None:
     little = Scored(("a",), False, 0.9, 1, 1, left_out=0.9)
     assert decide([nominal, little, other], 0.001).verdict == "unknown"
     assert decide([nominal, little, other], 0.001, own=0.9).verdict == "none"
-
-
-def test_what_mends_the_baseline_too_is_no_change() -> None:
-    search = Search(Problem(toy({"cubic": 0.3, "sign": 0.5}, 0.02)), 1e-4)
-    search.extend(False, 1)
-    before = Problem(toy({"cubic": 0.3}, 0.02))
-    against = of_baseline(before, search.ranked(False))
-    by_cause = {f.hypothesis.causes: against.get(id(f), 0.0) for f in search.ranked(False)}
-    assert by_cause[("cubic",)] > 3.0
-    assert by_cause[("sign",)] < 0.3 * by_cause[("cubic",)]
 
 
 def answer(one: Case) -> Any:

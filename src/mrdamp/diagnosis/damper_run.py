@@ -110,7 +110,7 @@ class DamperSearched(Searched):
 
     def judged(self, progress: Progress) -> tuple[list[Fit], Decision, None]:
         """See `Searched`. A force sensor that is at fault whatever the law is no rival's doing."""
-        fits, decision = judge(self.search, self.baseline)
+        fits, decision = judge(self.search)
         if self.beyond and decision.verdict != "none":
             return fits, unexplained(decision, fits), None
         if not sensor_unexplained(self.compared):
@@ -164,13 +164,13 @@ def law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progress
     return baseline_law(rig, case.baseline)
 
 
-def judge(search: Search, baseline: Problem | None = None) -> tuple[list[Fit], Decision]:
-    """All fits of a search and the decision. baseline: residuals of the rig's baseline records."""
+def judge(search: Search) -> tuple[list[Fit], Decision]:
+    """All fits of a search and the decision."""
     fits = [*search.ranked(False), *search.ranked(True)]
     rig = search.problem.rig
     unsure = search.inexact and not search.own
     penalties = {id(f): of_damper(rig, f, unsure=unsure) for f in fits}
-    return fits, decided(search, fits, penalties, baseline)
+    return fits, decided(search, fits, penalties)
 
 
 def in_sensor(stages: Mapping[str, float]) -> dict[str, float]:

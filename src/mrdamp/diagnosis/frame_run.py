@@ -94,7 +94,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
 
     channels = compared_without_law(case, rig, found)
     search, floor = _search(rig, noise, base, limits, jobs, part(0.05, 0.45))
-    _, decision = judge(search, rig, untouched, channels)
+    _, decision = judge(search, rig, channels)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
     unexplained = any(c.unexplained for c in channels)
     outside = any(search.solved(f) for f in search.rivals) or (search.inexact and unexplained)
@@ -116,7 +116,7 @@ class FrameSearched(Searched):
 
     def judged(self, progress: Progress) -> tuple[list[Fit], Decision, OtherLaw | None]:
         """See `Searched`."""
-        search, given = self.search, (self.search, self.rig, self.baseline, self.compared)
+        search, given = self.search, (self.search, self.rig, self.compared)
         fits, decision = judge(*given)
         named = decision.chosen.causes if decision.verdict == "effect" else ()
         if self.again is not None or not search.inexact or not LAW_FORMS.intersection(named):
@@ -150,13 +150,12 @@ def compared_without_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> t
 def judge(
     search: Search,
     rig: FrameRig,
-    baseline: Problem | None = None,
     channels: Sequence[Compared] = (),
     only: Collection[str] | None = None,
 ) -> tuple[list[Fit], Decision]:
     """All fits, including those whose structural parameters are interpreted as effects, and the decision.
 
-    baseline: residuals of the rig's baseline records. channels: findings on storeys and accelerometers
+    channels: findings on storeys and accelerometers
     without a law; they have priority if the law is not the rig's. only: causes that may be named; None: all.
     """
     penalties: dict[int, float] = {}
@@ -175,7 +174,7 @@ def judge(
         fits = [f for f in fits if set(f.hypothesis.causes) <= set(only)]
     if search.inexact:
         search.direct = {c.cause: c.nats for c in channels if c.cause is not None and not c.outside}
-    decision = decided(search, fits, penalties, baseline)
+    decision = decided(search, fits, penalties)
     if search.inexact and any(c.unexplained for c in channels) and not search.direct:
         return fits, unexplained(decision, fits)
     first = fits[0]

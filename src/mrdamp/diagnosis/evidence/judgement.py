@@ -9,7 +9,7 @@ import numpy as np
 
 from mrdamp.diagnosis.constants import MATERIAL, UNSTEADY
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
-from mrdamp.diagnosis.evidence.penalties import of_baseline, of_itself
+from mrdamp.diagnosis.evidence.penalties import of_itself
 from mrdamp.diagnosis.evidence.verdict import (
     Decision,
     Scored,
@@ -26,7 +26,7 @@ from mrdamp.diagnosis.fits.final import AGREEMENT, FinalFit, in_file, least_left
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
-from mrdamp.diagnosis.problem.residuals import Problem, pooled
+from mrdamp.diagnosis.problem.residuals import pooled
 from mrdamp.model.core import Array
 
 Causes = tuple[str, ...]
@@ -36,17 +36,10 @@ _NEAREST = 6
 _IMPROBABLE = 10.0
 
 
-def decided(
-    search: Search, fits: Sequence[Fit], penalties: Mapping[int, float], baseline: Problem | None
-) -> Decision:
-    """The decision over fits.
-
-    penalties: nats by id of a fit. baseline: residuals of the rig's baseline records.
-    """
-    against = {} if baseline is None else of_baseline(baseline, fits)
-    all_nats = {id(f): penalties.get(id(f), 0.0) + against.get(id(f), 0.0) for f in fits}
+def decided(search: Search, fits: Sequence[Fit], penalties: Mapping[int, float]) -> Decision:
+    """The decision over fits. penalties: nats by id of a fit."""
     left = left_out_ratios(search, [*fits, *search.rivals])
-    known, rivals = scored(fits, all_nats, search.direct, left), scored(search.rivals, left_out=left)
+    known, rivals = scored(fits, penalties, search.direct, left), scored(search.rivals, left_out=left)
     decision = decide(known, search.floor, rivals, steady=search.steady, own=search.own)
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]

@@ -1,23 +1,17 @@
-"""Penalties (nats) of fits whose causes are nominal only, cannot be separated from others, or improve the baseline
-as well: such a cause is not a change of the rig."""
+"""Penalties (nats) of fits whose causes are nominal only, or cannot be separated from others."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
-from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, LAW, LOOPS
+from mrdamp.diagnosis.constants import CAUSE, LAW, LOOPS
 from mrdamp.diagnosis.fits.least_squares import Fit
-from mrdamp.diagnosis.fits.left_out import cells, ratio
-from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig
 
 #: Parameters that together define a cause; with all of them at their lower limits it is another cause. A
 #: mount without clearance is a spring, and a lag without its time constant is a form of another effect.
 _MAKING = (frozenset({"backlash_gap"}), frozenset({"driver_lag_tau", "driver_lag_tau2"}))
 
-#: Number of best fits, for each number of causes, that are evaluated.
-_LOOKED_AT = 12
 
 
 def of_itself(found: Fit) -> float:
@@ -55,20 +49,3 @@ def unreferenced(rig: Rig, found: Fit) -> bool:
     if "reference_force_N" in rig.channels or not rig.nominal:
         return False
     return "sensor_gain" in found.hypothesis.causes
-
-
-def of_baseline(problem: Problem, fits: Sequence[Fit]) -> dict[int, float]:
-    """Penalties (nats), by id, of fits whose settings reduce the error on the baseline below the nominal
-    simulator's.
-
-    problem: of the baseline's records, in the state in which the nominal simulator was identified. An improvement on
-    the baseline is a model error of the nominal simulator. It is subtracted from the evidence for a change.
-    """
-    chosen: list[Fit] = []
-    for count in (0, 1, 2):
-        alike = [f for f in fits if len(f.hypothesis.causes) == count and f.hypothesis.coordinates]
-        chosen += sorted(alike, key=lambda f: (f.cost, f.hypothesis.name))[:_LOOKED_AT]
-    nominal, *rows = problem.of_settings([{}, *(f.settings for f in chosen)])
-    cell, best = cells(problem), min((nominal, *rows), key=lambda r: float(r @ r))
-    gains = [-EVIDENCE_GAIN * math.log(ratio(row, nominal, cell, best)) for row in rows]
-    return {id(f): max(g, 0.0) for f, g in zip(chosen, gains, strict=True)}
