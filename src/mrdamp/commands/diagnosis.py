@@ -25,11 +25,11 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("model", help="a model file, or the name of a parameter set")
     p.add_argument("records", type=Path, nargs="+", help="record files, or folders of them")
-    p.add_argument("--repeat", type=Path, nargs="*", default=[], help="records that repeat an earlier test")
+    p.add_argument("--repeat", type=Path, nargs="+", default=[], help="records that repeat an earlier test")
     p.add_argument(
         "--baseline",
         type=Path,
-        nargs="*",
+        nargs="+",
         default=[],
         help="records of the rig before the change, or folders of them",
     )

@@ -26,7 +26,6 @@ from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.make import with_model
-from mrdamp.diagnosis.problem.noise import baseline_gap
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.diagnosis.problem.rig import models_of
 from mrdamp.diagnosis.report.next_test import next_test
@@ -63,6 +62,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
     causes = of_cause(sets)
     around = spread(handed.problem, handed.fit)
     intervals = around.intervals() if verdict != "none" else {}
+    intervals = widened(search, chosen, final, intervals, regimes_of) if named else intervals
     ties = tie_classes(search, chosen, known) if named else ()
     hidden = unseen(search, chosen)
     test, signal = next_test(search, chosen, fits, decision, ties, hidden, found.noise.levels)
@@ -89,7 +89,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         noise_floor=floor,
         interval=waterfall[-1].interval,
         ceiling=ceiling,
-        baseline=None if found.baseline is None else pooled(baseline_gap(found.baseline, found.rig)),
+        baseline=found.before,
         left_out=pooled(handed.heldout),
     )
     alone: dict[str, Any] | None = None
@@ -100,7 +100,8 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         if model is found.again.given:
             notes.append(f"what was found leaves {100 * left:.1f} %: the given simulator is handed over")
             alone = None
-    waterfall = (replace(waterfall[0], gap=gap.nominal), *waterfall[1:])  # the same figure, by the same files
+    waterfall = (waterfall[0].at(gap.nominal), *waterfall[1:])  # the same figure, by the same files
+    own = tuple(sorted(chosen.hypothesis.causes)) if named else None
     # Errors (samples,) of the forces of the given simulator and of the one that is handed over.
     errors = {"nominal": first / given.weights}
     kept = found.again is not None and model is found.again.given
@@ -112,7 +113,10 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         question=case.question,
         verdict=verdict,
         effects=effects,
-        candidates=tuple(Candidate(c, sets[c], _candidate_gap(search, fits, c)) for c in weighed),
+        candidates=tuple(
+            Candidate(c, sets[c], gap.left_out if c == own and gap.left_out else _candidate_gap(search, fits, c))
+            for c in weighed
+        ),
         indistinguishable=ties,
         where=replace(found.where(chosen, verdict, causes), records=shares, regimes=nearby),
         gap=gap,
@@ -129,6 +133,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         seconds=time.monotonic() - begun,
         outside=_outside(search, chosen),
         beyond_baseline=found.beyond or None,
+        covered=found.covered,
         baseline_law=alone,
         other_law=None if other is None else other.to_dict(handed_over=handed is not final),
         remainder=None if verdict == "none" else rest,
@@ -297,6 +302,20 @@ def _remaining(search: Search, final: FinalFit, nominal: float, noise: float) ->
     return Remainder(left, share, of, stage, regimes(conditions, residual, halves)[:3]), ceiling
 
 
+def widened(
+    search: Search,
+    chosen: Fit,
+    final: FinalFit,
+    intervals: Mapping[str, Interval],
+    regimes_of: Mapping[str, tuple[RegimeEstimate, ...]],
+) -> dict[str, Interval]:
+    """Intervals that contain those of all regimes for the causes' settings, if no fit reaches the noise."""
+    out = dict(intervals)
+    for term in _last_forms(chosen, final) if search.inexact else ():
+        out |= hull({c.name: out[c.name] for c in term.coordinates if c.name in out}, regimes_of[term.cause])
+    return out
+
+
 def named_effects(
     search: Search,
     chosen: Fit,
@@ -310,8 +329,6 @@ def named_effects(
     for term in _last_forms(chosen, final):
         names = {c.name: c.name.removeprefix(f"{term.effect}_").partition("@")[0] for c in term.coordinates}
         own = {c.name: intervals[c.name] for c in term.coordinates if c.name in intervals}
-        if search.inexact:
-            own = hull(own, regimes_of[term.cause])
         out.append(
             Named(
                 term.effect,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,7 +34,7 @@ from mrdamp.diagnosis.problem.noise import (
     repeatable,
     trust,
 )
-from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.diagnosis.report.result import Where
 from mrdamp.diagnosis.searched import Progress, Searched
 from mrdamp.model.core import Array
@@ -46,13 +46,13 @@ _FAR_OFF = 0.02
 
 def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | None) -> Searched:
     """Completed search of a damper's case. Raises InputError."""
-    case, left = within(case)
+    asked, (case, left) = case.records, within(case)
     rig = DamperRig(case.model, case.records, threads=jobs).with_motion()
     notes = list(audit(case))
     notes += [f"{name}: {how}: the baseline says nothing of a change there" for name, how in left.items()]
     noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
     notes += unsteady
-    again = law_of_baseline(case, rig, noise, progress)
+    again = law_of_baseline(case, rig, noise, progress, asked)
     if again is not None:
         case = replace(case, model=again.model)
         rig = DamperRig(again.model, case.records, threads=jobs).with_motion()
@@ -99,7 +99,11 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         search.begin_with(known)
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
     beyond = "; ".join(left.values()) if len(left) == len(case.records) else ""
-    return DamperSearched(case, rig, search, noise, floor, untouched, channels, notes, again, beyond)
+    before = None
+    if case.baseline:
+        before = pooled(baseline_gap(Problem.thinned(replace(rig, records=case.baseline), coarse=True), rig))
+    covered = len(case.records), len(asked)
+    return DamperSearched(case, rig, search, noise, floor, untouched, channels, notes, again, beyond, covered, before)
 
 
 @dataclass(frozen=True)
@@ -152,8 +156,11 @@ def _clearance(search: Search) -> list[Term]:
     return [replace(t, starts=((travel, t.starts[0][1]),)) for t in terms]
 
 
-def law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progress) -> BaselineLaw | None:
-    """The law identified again on the baseline, if the given simulator does not reach the noise there."""
+def law_of_baseline(
+    case: Case, rig: DamperRig, noise: Noise, progress: Progress, asked: Sequence[Record] = ()
+) -> BaselineLaw | None:
+    """The law identified again on the baseline, if the given simulator does not reach the noise there. asked: all
+    records that the simulator is for."""
     if not case.baseline:
         return None
     untouched = _shortened(replace(rig, records=case.baseline))
@@ -161,7 +168,7 @@ def law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progress
     if own <= INEXACT * untouched.cost(floors(untouched, noise, {})):
         return None
     progress("identifying the law on the baseline", 0.01)
-    return baseline_law(rig, case.baseline)
+    return baseline_law(rig, case.baseline, asked or case.records)
 
 
 def judge(search: Search) -> tuple[list[Fit], Decision]:

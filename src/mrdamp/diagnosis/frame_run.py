@@ -34,7 +34,7 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
 from mrdamp.diagnosis.problem.noise import Noise, baseline_gap, channel_noise, floors, own_cost, repeatable
-from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.diagnosis.report.result import Where
 from mrdamp.diagnosis.searched import Progress, Searched
 from mrdamp.model.core import Array
@@ -102,7 +102,10 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
         rig = replace(rig, free_structure=True)
         search, floor = _search(rig, noise, base, limits, jobs, part(0.45, 0.7), search)
 
-    return FrameSearched(small, rig, search, noise, floor, untouched, channels, notes, again, "", case, found, jobs)
+    covered, before = (len(small.records),) * 2, None if untouched is None else pooled(base)
+    return FrameSearched(
+        small, rig, search, noise, floor, untouched, channels, notes, again, "", covered, before, case, found, jobs
+    )
 
 
 @dataclass(frozen=True)

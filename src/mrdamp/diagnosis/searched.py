@@ -35,7 +35,8 @@ class Searched(ABC):
     case: as compared (a frame's averaged). rig: with whole records. floor (blocks,): gaps due to noise alone.
     baseline: residuals of the baseline's records, None without any. compared: channels that see the same. notes: of
     the audit. again: the law identified again on the baseline, which the case's model then has. beyond: how all records
-    leave the regimes of the baseline; empty if some do not.
+    leave the regimes of the baseline; empty if some do not. covered: number of records in these regimes, and of all.
+    before: gap of the simulator on the whole baseline; None without one.
     """
 
     case: Case
@@ -48,6 +49,8 @@ class Searched(ABC):
     notes: list[str]
     again: BaselineLaw | None
     beyond: str
+    covered: tuple[int, int]
+    before: float | None
 
     @abstractmethod
     def judged(self, progress: Progress) -> tuple[list[Fit], Decision, OtherLaw | None]:

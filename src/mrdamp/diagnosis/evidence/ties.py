@@ -62,9 +62,10 @@ def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
     present.
 
     This is the size at which the signature, without the part that the free nominal parameters can reproduce,
-    reaches a tenth of the remaining error. It is limited to the setting's range.
+    reaches a tenth of the remaining error. It is limited to the setting's range. A baseline fixes the nominal
+    parameters.
     """
-    base = search.base
+    base = search.fits[False, frozenset()] if search.own else search.base
     basis = np.linalg.qr(base.jacobian)[0] if base.jacobian.shape[1] else base.jacobian
     rough = search.problem.rougher(base.hypothesis)
     before = rough.residuals(base.hypothesis, base.point)[0]

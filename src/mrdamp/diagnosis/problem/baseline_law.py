@@ -59,7 +59,9 @@ class BaselineLaw:
         }
 
 
-def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | None:
+def baseline_law(
+    given: DamperRig, baseline: Sequence[Record], asked: Sequence[Record] | None = None
+) -> BaselineLaw | None:
     """The law of LAWS with the least error on the baseline, or None if none of them is better than the given
     simulator.
 
@@ -67,14 +69,14 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
     given simulator's own effects. The best of them is fitted again to each half of the records and evaluated on the
     other half. It is used if its error there is below BASELINE_LAW_BETTER times the given simulator's, which was
     identified on records of this state; what changed since has no say. None also where the case has commands beyond
-    those of the baseline, at which coefficients would be extrapolated, for a network, for effects that
-    `mrdamp identify` does not fit, for fewer than four records, and without the channel force_N.
+    those of the baseline (`asked`: all of its records), at which coefficients would be extrapolated, for a network, for
+    effects that `mrdamp identify` does not fit, for fewer than four records, and without the channel force_N.
     """
     model = given.nominal_model
     extras = fitted_along(model)
     if len(baseline) < _LEAST or extras is None or model.law not in (*LAWS, "bingham"):
         return None
-    if not all("force_N" in r.channels for r in baseline) or not _spans(baseline, given.records):
+    if not all("force_N" in r.channels for r in baseline) or not _spans(baseline, asked or given.records):
         return None
     # Both halves have commands of all kinds and sizes, whatever the order of the files.
     ordered = sorted(baseline, key=lambda r: (np.ptp(r.command), np.mean(r.command), np.std(r.channel("force_N"))))

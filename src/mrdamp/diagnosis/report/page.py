@@ -113,8 +113,12 @@ def _answer(out: Page, found: Diagnosis) -> None:
             (e.cause.replace("@", " at "), e.stage, f"{e.probability:.2f}", f"{100 * e.share:.0f} %")
             for e in found.effects
         ]
-        columns = "effect", "stage", "probability", "share of the excess, parameters refitted first"
-        out.table(heading, columns, rows, "Excess: the gap's square over that of the noise.")
+        columns = "effect", "stage", "probability", "share of the correction"
+        note = (
+            "Share: of what the fit takes off the excess, the gap's square over that of the noise, in the mean over the"
+            " orders in which causes and changed parameters are switched on."
+        )
+        out.table(heading, columns, rows, note)
         heading = ""
     likeliest = sorted(found.probabilities.items(), key=lambda item: -item[1])[:3]
     out.figure(
@@ -277,7 +281,10 @@ def _records(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]
         (r.name, *(100 * _nrms(getattr(r, k), r.measured, r.time) for k in kinds), 100 * shares.get(r.name, 0.0))
         for r in shown
     ]
+    some, of = found.covered
     note = "" if _unchanged(found) else "All records, to which the simulator was fitted; the bars are of others."
+    if some < of:
+        note = f"All records; {of - some} of them leave the regimes of the baseline, and nothing was fitted to these."
     columns = ("record", *(f"{kind}, %" for kind in kinds), "share of the nominal gap, %")
     out.table("Gap by record", columns, rows, note)
 
@@ -295,10 +302,11 @@ def _handed_over(out: Page, found: Diagnosis) -> None:
 
 def _uncertainty(out: Page, found: Diagnosis) -> None:
     tried = [
-        (" + ".join(c.causes) or "parameters", f"{c.probability:.2f}", 100 * c.heldout_gap)
+        (" + ".join(c.causes) or "none", f"{c.probability:.2f}", 100 * c.heldout_gap)
         for c in found.candidates
     ]
-    _table(out, "What else was tried", ("effects", "probability", "held-out gap, %"), tried)
+    note = "Gaps of left-out records of the search, excerpts of long ones; that of the answer of whole records."
+    _table(out, "What else was tried", ("effects", "probability", "left-out gap, %"), tried, note)
     hidden = [(u["effect"], u["setting"], u["could_hide"], unit_of(u["setting"])) for u in found.unseen]
     columns = "effect", "parameter", "may be as far as", "unit"
     _table(out, "What these records cannot show", columns, hidden)

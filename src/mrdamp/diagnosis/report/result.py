@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -65,7 +65,8 @@ class Named:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A fitted set of causes: probability, and gap on left-out records."""
+    """A fitted set of causes: probability, and gap on left-out records; of those of the search, excerpts of long ones,
+    if it is not the answer."""
 
     causes: tuple[str, ...]
     probability: float
@@ -79,6 +80,11 @@ class Step:
     name: str
     gap: float
     interval: tuple[float, float]
+
+    def at(self, gap: float) -> Step:
+        """The bar at another figure of the same records, its interval in proportion."""
+        scale = gap / self.gap if self.gap > 0 else 1.0
+        return replace(self, gap=gap, interval=(scale * self.interval[0], scale * self.interval[1]))
 
 
 @dataclass(frozen=True)
@@ -138,9 +144,9 @@ class Diagnosis(Shown):
     quantity. remainder: None if the corrected simulator reaches the noise. standing: probabilities of the causes and of
     their alternatives. signatures: of a damper's loops. outside: cause outside the catalogue that explains an unknown
     gap. baseline_law: identified again on the baseline, if it is used. beyond_baseline: how all records leave its
-    regimes. other_law: identified on these records, if it makes a cause needless. stepped: check of the MJCF on
-    records. next_signal: columns of the next test's CSV. drawn: the corrected model with jointly drawn parameters.
-    pictures: arrays by name, for the page.
+    regimes. covered: number of records within them, and of all. other_law: identified on these records, if it makes a
+    cause needless. stepped: check of the MJCF on records. next_signal: columns of the next test's CSV. drawn: the
+    corrected model with jointly drawn parameters. pictures: arrays by name, for the page.
     """
 
     picture: ClassVar[str] = "mrdamp.diagnosis.report.page:chain_picture"
@@ -167,6 +173,7 @@ class Diagnosis(Shown):
     outside: Mapping[str, Any] | None = None
     baseline_law: Mapping[str, Any] | None = None
     beyond_baseline: str | None = None
+    covered: tuple[int, int] = (0, 0)
     other_law: Mapping[str, Any] | None = None
     stepped: tuple[Mapping[str, Any], ...] = ()
     seconds: float = 0.0

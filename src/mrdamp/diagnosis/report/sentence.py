@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mrdamp.diagnosis.constants import TIE_PROBABLE
+from mrdamp.diagnosis.fits.final import AGREEMENT
 from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
 from mrdamp.diagnosis.hypotheses.outside import PLAIN
 from mrdamp.diagnosis.report.changes import unit_of
@@ -23,7 +24,7 @@ _PLAIN_FLOOR = {
     "sensor_gain": "the sensitivity of that floor's accelerometer is wrong",
     "sensor_offset": "that floor's accelerometer has a bias",
     "sensor_leakage": "the charge of that floor's accelerometer leaks away",
-    "sensor_lag": "that floor's accelerometer has a low bandwidth",
+    "sensor_lag": "that floor's accelerometer lags: a low bandwidth or a delay",
 }
 
 
@@ -50,11 +51,15 @@ def sentence(d: Diagnosis) -> str:
             f" without {' and '.join(other['without'])}, which leaves {percent(other['gap_with'])} in left-out records:"
             f" {then}."
         )
+    some, of = d.covered
+    said = _sentence(d)
+    if some < of and d.beyond_baseline is None:
+        said += f" This is said of {some} of {of} records; the others leave the regimes of the baseline."
     if d.baseline_law is None:
-        return _sentence(d)
+        return said
     again = d.baseline_law
     return (
-        f"{_sentence(d)} The law was identified again on the baseline ({again['law']}); without a cause it leaves"
+        f"{said} The law was identified again on the baseline ({again['law']}); without a cause it leaves"
         f" {percent(again['gap'])}."
     )
 
@@ -65,16 +70,17 @@ def _sentence(d: Diagnosis) -> str:
     shrink = f"the gap goes from {percent(g.nominal)} to {percent(g.corrected)}"
     if g.left_out is not None and percent(g.left_out) != percent(g.corrected):
         shrink += f", {percent(g.left_out)} on records left out of the fit"
+        shrink += " with the noise of the motion smoothed away" * (g.left_out < g.corrected - AGREEMENT)
     noise = f"noise {percent(g.noise_floor)}"
     likely = f"probability {d.probabilities.get(d.verdict, 0.0):.2f}"
     if d.verdict == "none":
         if g.baseline is not None:
             return (
                 f"No change since the baseline shows ({likely}): the simulator's gap is {percent(g.nominal)} on these"
-                f" records and {percent(g.baseline)} on the baseline's."
+                f" records and {percent(g.baseline)} on the baseline's.{_hidden(d)}"
             )
         agreed = f"its gap is {percent(g.nominal)}, the noise of the records {percent(g.noise_floor)}"
-        return f"The simulator agrees with the rig ({likely}): {agreed}."
+        return f"The simulator agrees with the rig ({likely}): {agreed}.{_hidden(d)}"
     if d.verdict == "parameters":
         return (
             f"The parameters of the simulator are wrong, its form is right ({likely}). Recalibrated, {shrink};"
@@ -104,6 +110,12 @@ def _sentence(d: Diagnosis) -> str:
         if rivals:
             said += f" {text} {', '.join(f'{name} (probability {p:.2f})' for name, p in rivals)}."
     return f"{said} With {them} in the simulator, {shrink}; {noise}.{_rest(d)}"
+
+
+def _hidden(d: Diagnosis) -> str:
+    """What an answer without a cause does not exclude."""
+    names = ", ".join(str(row["effect"]) for row in d.unseen)
+    return f" These records hardly show {names}." if names else ""
 
 
 def _rest(d: Diagnosis) -> str:
