@@ -119,6 +119,8 @@ def test_a_law_is_not_extrapolated_to_commands_that_the_baseline_lacks() -> None
     low += [Record(f"{r.name} again", None, DT, r.channels) for r in low]
     assert len(low) >= 4
     assert baseline_law(rig(lines()), low) is None
+    few = DamperRig(lines(), tuple(low[:1])).with_motion()
+    assert baseline_law(few, low, records()) is None  # of all records that are asked about, few are judged
     within = [r for r in records() if r.command.max() < 0.9]
     assert baseline_law(DamperRig(lines(), tuple(within)).with_motion(), low) is not None
 

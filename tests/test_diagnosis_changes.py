@@ -11,7 +11,7 @@ from matplotlib.patches import FancyBboxPatch
 
 from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.report.changes import Change, changes, unit_of
-from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Where
+from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Step, Where
 from mrdamp.diagnosis.report.sentence import sentence, table
 from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model
@@ -75,6 +75,14 @@ def test_the_headline_has_ties_with_their_probabilities() -> None:
     assert "do not distinguish it from saturation (probability 0.30). Nearly the same as it: sensor_lag" in said
     assert "from 20.0 % to 10.0 %, 12.0 % on records left out of the fit; noise 1.0 %." in said
     assert "agrees with the rig (probability 0.97)" in sentence(found(verdict="none", effects=()))
+    hidden = found(verdict="none", effects=(), unseen=({"effect": "backlash"}, {"effect": "saturation"}))
+    assert sentence(hidden).endswith("These records hardly show backlash, saturation.")
+    assert "on records left out of the fit;" in said
+    # A fit of a smoothed motion leaves less than its file predicts of the motion as it is.
+    noisy = found(gap=Gap(0.2, 0.2, 0.15, 0.01, (0.09, 0.11), left_out=0.08))
+    assert "8.0 % on records left out of the fit with the noise of the motion smoothed away" in sentence(noisy)
+    few = sentence(found(covered=(2, 8)))
+    assert few.endswith("This is said of 2 of 8 records; the others leave the regimes of the baseline.")
     # What no candidate is established for need not be outside the catalogue.
     unknown = found(
         verdict="unknown", effects=(), probabilities={"unknown": 0.8, "driver_lag": 0.2},
@@ -105,6 +113,10 @@ def test_a_bar_is_labelled_by_what_it_adds(names: list[str], labels: list[str]) 
     assert added(names) == labels
     ax = waterfall([(name, 0.1, (0.08, 0.12)) for name in names], 0.01).axes[0]
     assert [t.get_text() for t in ax.get_yticklabels()] == labels
+
+
+def test_a_bar_at_another_figure_keeps_its_interval_in_proportion() -> None:
+    assert Step("nominal", 0.2, (0.15, 0.3)).at(0.1) == Step("nominal", 0.1, (0.075, 0.15))
 
 
 def test_a_bar_off_the_scale_is_cut() -> None:
