@@ -46,11 +46,17 @@ def identify(
     """
     from mrdamp.errors import InputError, require_kind
     from mrdamp.identify.fit import identify as fitted
-    from mrdamp.records import RecordSet, read_records
+    from mrdamp.records import Record, RecordSet, read_records
 
-    require_kind("records or their files", (RecordSet, Path, str, Sequence), records=records)
-    if records is None:
-        raise InputError("records is None; allowed: records or their files")
+    require_kind("records or their files", (RecordSet, Path, str, list, tuple), records=records)
+    if not records or (isinstance(records, list | tuple) and any(isinstance(r, Record) for r in records)):
+        raise InputError(f"records is a {type(records).__name__} of no files; allowed: a RecordSet, files of records")
+    require_kind("names in a list", (list, tuple), extras=extras, follows=follows)
+    require_kind("parameters by name", Mapping, start=start)
+    require_kind("a whole number", int, starts=starts, seed=seed, threads=threads)
+    require_kind("True, False, None", bool, hold=hold)
+    if extras is None or starts < 1 or seed < 0:
+        raise InputError("identify: extras is a list, starts at least 1 and seed at least 0")
     read = records if isinstance(records, RecordSet) else read_records(records)
     return fitted(
         law, read.train, read.held_out, extras=extras, dependence=dependence, follows=follows, start=start,
@@ -66,7 +72,13 @@ def diagnose(case: Case | Path | str, *, jobs: int = 1, progress: Progress | Non
     from mrdamp.diagnosis.case.folder import Case, read_case
     from mrdamp.diagnosis.run import diagnose as answered
     from mrdamp.diagnosis.searched import silent
+    from mrdamp.errors import InputError, require_path
 
+    _require_jobs(jobs)
+    if case is None:
+        raise InputError("case is None; allowed: a case, or its folder")
+    if not isinstance(case, Case):
+        require_path(case=case)
     return answered(case if isinstance(case, Case) else read_case(case), jobs=jobs, progress=progress or silent)
 
 
@@ -86,7 +98,7 @@ def compare(
     tune: bool = False,
     bound: int | None = None,
     jobs: int = 1,
-    keep: Path | None = None,
+    keep: Path | str | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
     """Controllers under motions that they were not tuned on; arguments are named as options of `mrdamp compare`.
@@ -99,9 +111,17 @@ def compare(
     comparison goes on from.
     """
     from mrdamp.compare.benches import bench_of, compared
-    from mrdamp.errors import InputError, require_kind
+    from mrdamp.errors import InputError, require_kind, require_path
+    from mrdamp.model import Model
 
-    require_kind("frame, cable, car or file.py:NAME", str, environment=environment)
+    if not isinstance(environment, str):
+        raise InputError(f"environment is {environment!r}; allowed: frame, cable, car or file.py:NAME")
+    files = {name: m for name, m in (("model", model), ("told", told)) if not isinstance(m, Model)}
+    require_path(**files)
+    require_path(keep=keep)
+    require_kind("pairs of floors in a list", (list, tuple), dampers=dampers)
+    require_kind("a whole number", int, bound=bound)
+    _require_jobs(jobs)
     require_kind("a list of names", (list, tuple), controllers=controllers)
     require_kind("a list of motions", (list, tuple), motions=motions)
     require_kind("a list of numbers", (list, tuple), amplitudes=amplitudes)
@@ -116,7 +136,8 @@ def compare(
         dampers=dampers, told=told,
     )  # fmt: skip
     found = compared(
-        bench, controllers, motions, amplitudes, tune=tune, bound=bound, jobs=jobs, keep=keep, progress=progress
+        bench, controllers, motions, amplitudes, tune=tune, bound=bound, jobs=jobs, progress=progress,
+        keep=None if keep is None else Path(keep),
     ).result
     speed = getattr(bench, "compression", 1.0)
     if motions is not None and speed != 1.0:
@@ -144,14 +165,28 @@ def train(
     environment: mrdamp/Frame-v0, mrdamp/Cable-v0, mrdamp/QuarterCar-v0, or file.py:NAME. algo: as of `mrdamp train`.
     The same call goes on where one stopped. The others: see `mrdamp.train.settings.Options`.
     """
-    from mrdamp.errors import InputError
+    from mrdamp.errors import InputError, require_kind, require_path
     from mrdamp.train.learn import sweep
     from mrdamp.train.settings import Options
 
-    if not seeds:
-        raise InputError("train: seeds is empty; give at least one")
+    if not isinstance(environment, str):
+        raise InputError(f"environment is {environment!r}; allowed: the id of an environment")
+    require_path(out=out or "", hyperparameters=hyperparameters, model=model)
+    require_kind("a list", (list, tuple, range), seeds=seeds, overrides=overrides, others=others)
+    _require_jobs(jobs)
+    if not seeds or len(set(seeds)) < len(seeds):
+        raise InputError(f"train: seeds is {seeds!r}; allowed: at least one, each once")
+    if Path(out).is_file():
+        raise InputError(f"{out}: a file; give a folder")
     yaml, damper = (None if file is None else Path(file) for file in (hyperparameters, model))
     chosen = Options(
         environment, algo, seeds[0], timesteps, yaml, tuple(overrides), damper, evaluations, tuple(map(Path, others))
     )
     return sweep(chosen, Path(out), seeds, jobs=jobs, progress=progress)[0].results
+
+
+def _require_jobs(jobs: int) -> None:
+    from mrdamp.errors import InputError
+
+    if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
+        raise InputError(f"jobs is {jobs!r}; allowed: 1 or more")

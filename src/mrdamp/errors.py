@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 from numbers import Real
+from pathlib import Path
 from typing import Any
 
 #: The largest number that an input may hold: its square and cube still are numbers.
@@ -78,6 +79,14 @@ def require_period(what: str, period: Any) -> None:
     """InputError unless a control period, s, is a number that a run can be made with. what: whose it is."""
     if not isinstance(period, Real) or not _PERIODS[0] <= float(period) <= _PERIODS[1]:
         raise InputError(f"{what}: period is {period!r}; allowed: {_PERIODS[0]:g} to {_PERIODS[1]:g} s")
+
+
+def require_path(**values: Any) -> None:
+    """InputError unless every value is None or the name of a file or folder; an empty one would be the present folder.
+    """
+    for name, value in values.items():
+        if value is not None and (not isinstance(value, str | Path) or str(value) == ""):
+            raise InputError(f"{name} is {value!r}; allowed: a path".splitlines()[0])
 
 
 def require_kind(words: str, kind: type | tuple[type, ...], **values: Any) -> None:

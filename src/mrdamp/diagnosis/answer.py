@@ -22,7 +22,7 @@ from mrdamp.diagnosis.fits.final import AGREEMENT, FinalFit, heldout, predicted_
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.outside import PREFIX, plain
-from mrdamp.diagnosis.hypotheses.terms import Term
+from mrdamp.diagnosis.hypotheses.terms import KNOWN, Term
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.make import with_model
@@ -199,7 +199,14 @@ def _notes(found: Searched, handed: FinalFit, worse: Mapping[str, Sequence[str]]
     for cause, some in worse.items():
         if some:
             notes.append(f"{cause} makes the gap larger in {', '.join(some)}: verify it before use")
-    notes += [f"{name} is at a limit of its range" for name in handed.fit.at_bounds]
+    known = getattr(found.rig, "known", {})
+    ends = {name for settings in known.values() for name in settings}
+    notes += [f"{name} is at a limit of its range" for name in handed.fit.at_bounds if name not in ends]
+    notes += [
+        f"{t.name} is known from two channels of one quantity; its interval is the range about that, {100 * KNOWN:g} %"
+        for t in handed.fit.hypothesis.terms
+        if t.name in known
+    ]
     if not handed.fit.converged:
         notes.append("the final fit had not converged at its largest number of iterations")
     notes += search.failed

@@ -12,12 +12,12 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from scipy.stats import qmc
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, nearest
 from mrdamp.identify.excerpts import excerpts, is_led, skipped
 from mrdamp.identify.laws import DEPENDENCES, OF_COMMAND, Dependence, Scales, Space, dependence_for, space
 from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.model import Model, core, effects_from
-from mrdamp.model.core import Array
+from mrdamp.model.core import Array, attribute_index
 from mrdamp.parallel import Progress, silent
 from mrdamp.records import Record
 from mrdamp.records.checks import check_channels, check_clipping, check_size
@@ -251,6 +251,9 @@ def identify(
     """
     if not train:
         raise InputError("there is no record to fit to")
+    for name in start or {}:
+        if name not in attribute_index():
+            raise InputError(f"start: {name!r} is no attribute{nearest(name, attribute_index())}")
     check_channels(train)
     check_channels(held_out)
     check_clipping(train)

@@ -144,6 +144,10 @@ def run_records(
     if threads < 0:
         raise InputError(f"threads is {threads}; allowed: 0 or more")
     numbers = np.array([_column(name) for name in columns], dtype=np.intc)
+    if not len(numbers):
+        raise InputError(f"columns is empty; allowed: {', '.join(COLUMNS)}")
+    for one in records:
+        _check(one)
     require_one_of("", ("cpu", "cuda"), device=device)
     if device == "cuda":
         from mrdamp.gpu import run_records as on_gpu
@@ -175,6 +179,18 @@ def run_records(
         whole_pointer(numbers),
     )  # fmt: skip
     return out
+
+
+def _check(one: Sets) -> None:
+    """InputError for what the library cannot see or would take as something else."""
+    for name, value in (("x", one.x), ("u", one.u)):
+        if value is None:
+            raise InputError(f"{name} is None; a record has displacement and command")
+    require_kind("True, False", bool, hold=one.hold, run_in=one.run_in)
+    shift = _matrix(one.params)[:, attribute_index()["channel_shift_d"]]
+    half = 0.5 * one.dt * len(one.x)
+    if np.any(np.abs(shift) > half):
+        raise InputError(f"channel_shift_d is {np.abs(shift).max():g} s; allowed: up to half of the record, {half:g} s")
 
 
 def run_many(
@@ -363,15 +379,26 @@ def fill_frame(row: Frame, frame: FrameInput, keep: list[Array]) -> None:
 def _channel(name: str, value: Array | None, n: int) -> Array | None:
     if value is None:
         return None
-    array = np.ascontiguousarray(value, dtype=float)
+    array = numbers_of(name, value)
     if array.shape != (n,):
         raise InputError(f"'{name}' has shape {array.shape}; expected ({n},)")
     return array
 
 
+def numbers_of(name: str, value: Any) -> Array:
+    """An array of doubles, contiguous; InputError for anything but real numbers."""
+    try:
+        array = np.asarray(value)
+        if np.iscomplexobj(array):
+            raise ValueError
+        return np.ascontiguousarray(array, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of real numbers") from None
+
+
 def _matrix(params: Array) -> Array:
     """(sets, attributes), contiguous; one set may be (attributes,)."""
-    matrix = np.ascontiguousarray(np.atleast_2d(params), dtype=float)
+    matrix = np.atleast_2d(numbers_of("params", params))
     if matrix.ndim != 2 or matrix.shape[1] != len(attributes()):
         raise InputError(f"params has shape {np.shape(params)}; expected (sets, {len(attributes())}), as by `vector`")
     return matrix

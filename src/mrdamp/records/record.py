@@ -19,6 +19,8 @@ from mrdamp.shown import Shown
 
 #: A measured velocity that is so many times the displacement's rate, or that part of it, has another unit.
 _RATE = 2.0
+#: Relative difference of the sample time from the steps of `time_s`.
+_CLOCK = 1e-3
 #: Sets that come with the package: a self-sensing damper, and the tests of the two papers.
 PACKAGED = ("embedded", "self_sensing", "foam")
 
@@ -61,6 +63,9 @@ class Record(Shown):
             raise InputError(f"{self.label}: {count} samples: at least 3 are needed")
         if "time_s" not in channels:
             channels = {"time_s": np.arange(count, dtype=np.float64) * self.sample_time} | channels
+        step = float(np.mean(np.diff(channels["time_s"])))
+        if not abs(step / self.sample_time - 1) < _CLOCK:
+            raise InputError(f"{self.label}: sample time {self.sample_time:g} s, but time_s has steps of {step:g} s")
         for name, values in channels.items():
             if not is_channel(name):
                 raise InputError(f"{self.label}: {name} is not a channel")

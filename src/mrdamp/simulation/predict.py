@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_path
 from mrdamp.files import write_atomic
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -50,7 +50,11 @@ def predict(model: Model | Path | str, record: Record | Path | str) -> dict[str,
     Raises InputError.
     """
     if not (isinstance(model, Model | Path | str) and isinstance(record, Record | Path | str)):
-        raise InputError(f"predict takes a model and a record, or their files, not {model!r} and {record!r}")
+        kinds = f"{type(model).__name__} and {type(record).__name__}"
+        raise InputError(f"predict takes a model and a record, or their files, not {kinds}")
+    for name, given in (("model", model), ("record", record)):
+        if not isinstance(given, Model | Record):
+            require_path(**{name: given})
     model = model if isinstance(model, Model) else Model.read(model)
     read = record if isinstance(record, Record) else read_record(record, required=INPUTS[model.rig])
     return {"time_s": np.asarray(read.time), **free_run(model, read)}

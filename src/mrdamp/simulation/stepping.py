@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from mrdamp.errors import InputError, diverged
+from mrdamp.errors import InputError, diverged, require_kind, require_period, require_positive
 from mrdamp.model import Model, core, floor_channels
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
@@ -153,6 +153,13 @@ def run_frame(
     largest step of the engine. The ground moves within a control period, the command is held over it. ideal_force:
     an ideal actuator stands in the damper's place and the command is its force, N.
     """
+    require_kind("True, False", bool, ideal_force=ideal_force)
+    if not isinstance(model, Model) or not hasattr(motion, "acceleration"):
+        raise InputError("run_frame takes a Model and a GroundMotion (read_motion)")
+    if controller is not None and not hasattr(controller, "period"):
+        raise InputError(f"controller is {controller!r}; allowed: a Controller (mrdamp.control), None")
+    require_positive("run_frame", timestep=timestep)
+    require_period("run_frame", period)
     if model.structure is None:
         raise InputError(f"{model.name}: rig damper has no frame to run")
     if controller is not None:

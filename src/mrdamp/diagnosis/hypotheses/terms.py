@@ -138,15 +138,15 @@ def declared(effect: str, *forms: Form, stage: str = "", place: int | None = Non
 
 #: Range about a setting known from another channel, as a share of it, and in units of search about zero. In four opened
 #: cases with another law the comparison erred by at most .4 %, and the fit went to the end of a range of 2 %.
-_KNOWN = 0.005
+KNOWN = 0.005
 
 
 def near(term: Term, settings: Mapping[str, float]) -> Term:
-    """The term with its coordinates known to within _KNOWN: narrow ranges and a single start."""
+    """The term with its coordinates known to within KNOWN: narrow ranges and a single start."""
     coordinates = []
     for c in term.coordinates:
         value = settings[c.name]
-        width = _KNOWN * (abs(value) or c.scale)
+        width = KNOWN * (abs(value) or c.scale)
         coordinates.append(replace(c, start=value, low=value - width, high=value + width))
     return replace(term, coordinates=tuple(coordinates), starts=(tuple(c.start for c in coordinates),))
 

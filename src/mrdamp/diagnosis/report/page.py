@@ -286,7 +286,8 @@ def _records(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]
     if some < of:
         note = f"All records; {of - some} of them leave the regimes of the baseline, and nothing was fitted to these."
     columns = ("record", *(f"{kind}, %" for kind in kinds), "share of the nominal gap, %")
-    out.table("Gap by record", columns, rows, note)
+    drawn = "Of a damper's force_N." if found.rig == "damper" else "Of the channel that differs most."
+    out.table("Gap by record", columns, rows, f"{drawn} {note}".strip())
 
 
 def _handed_over(out: Page, found: Diagnosis) -> None:
