@@ -116,6 +116,17 @@ def test_wrong_kinds_are_told_in_a_line() -> None:
     refuses(lambda: mrdamp.compare(3), "environment is 3; allowed: frame, cable, car")  # type: ignore[arg-type]
     refuses(lambda: mrdamp.identify(3, "bingham"), "records is 3; allowed: records or their files")  # type: ignore[arg-type]
     refuses(lambda: mrdamp.identify(None, "bingham"), "records is None")  # type: ignore[arg-type]
+    records = embedded().train[:1]
+    refuses(lambda: mrdamp.identify(list(records), "bingham"), "records is a list of Records; allowed: a RecordSet")  # type: ignore[arg-type]
+    refuses(lambda: mrdamp.identify("embedded", "bingham", start={"c0": 1.0}), "'c0' is no attribute; nearest: c0")
+    refuses(lambda: mrdamp.identify("embedded", "bingham", starts=0), "starts at least 1")
+    refuses(lambda: mrdamp.diagnose(""), "case is ''; allowed: a path")
+    refuses(lambda: mrdamp.diagnose("case", jobs=0), "jobs is 0; allowed: 1 or more")
+    refuses(lambda: mrdamp.compare(keep=3), "keep is 3; allowed: a path")  # type: ignore[arg-type]
+    refuses(lambda: mrdamp.train("mrdamp/Frame-v0", ""), "out is ''; allowed: a path")
+    refuses(lambda: mrdamp.train("mrdamp/Frame-v0", "out", seeds=(0, 0)), "allowed: at least one, each once")
+    refuses(lambda: mrdamp.run_frame("model.json", None, None), "takes a Model and a GroundMotion")  # type: ignore[arg-type]
+    refuses(lambda: mrdamp.predict("", records[0]), "model is ''; allowed: a path")
     refuses(lambda: mrdamp.predict(3, "a.csv"), "predict takes a model and a record, or their files")  # type: ignore[arg-type]
 
 

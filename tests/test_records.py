@@ -232,6 +232,11 @@ def names(records: tuple[Record, ...]) -> list[str]:
     return [record.name for record in records]
 
 
+def test_a_sample_time_that_is_not_the_clocks_is_refused() -> None:
+    channels = sine(n=100).channels
+    refuses(lambda: Record("r", None, 0.002, channels), "sample time 0.002 s, but time_s has steps of 0.001 s")
+
+
 def test_flat_folder_holds_out_every_third_record(tmp_path: Path) -> None:
     for k in range(7):
         write(tmp_path, table(50 + k), f"{k}.csv")

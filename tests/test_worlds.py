@@ -178,11 +178,30 @@ def test_every_effect_of_a_gpus_sources_is_the_chains(tmp_path: Path, term: Term
     assert records_off("bouc_wen", [settings_of(term, term.starts[0])], tmp_path) < 1e-12
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"u": None}, "u is None"),
+        ({"x": np.zeros(100) * 1j}, "x is no array of real numbers"),
+        ({"u": "on"}, "u is no array of real numbers"),
+        ({"run_in": "false"}, "run_in is 'false'; allowed: True, False"),
+        ({"columns": ()}, "columns is empty"),
+        ({"params": vector("bingham", damper("bingham") | {"channel_shift_d": 0.06})[None]}, "half of the record"),
+    ],
+)
+def test_what_the_library_cannot_see_is_refused(given: dict[str, Any], said: str) -> None:
+    params = vector("bingham", damper("bingham") | {"channel_shift_d": 0.05})[None]
+    whole: dict[str, Any] = {"params": params, "dt": 1e-3, "x": np.zeros(100), "u": np.zeros(100)}
+    assert core.run_many("bingham", **whole).shape == (1, 1, 100)
+    refuses(lambda: core.run_many("bingham", **whole | given), said)
+
+
 def test_a_gpu_that_is_not_there_is_told_in_a_line() -> None:
     x = np.zeros(100)
     params = vector("bingham", damper("bingham"))[None]
     refuses(lambda: core.run_many("bingham", params, DT, x, x, device="tpu"), "device is 'tpu'; allowed: cpu, cuda")
-    negative = vector("bingham", damper("bingham"))[None] - 1e6
+    negative = vector("bingham", damper("bingham"))[None]
+    negative[0, core.attribute_index()["v_ref"]] = -1.0
     refuses(lambda: core.run_many("bingham", negative, DT, x, x, device="cuda"), "v_ref = ")
     refuses(lambda: core.run_many("narx", params, DT, x, x, device="cuda"), "networks do not run on a GPU")
     try:

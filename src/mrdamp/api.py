@@ -50,7 +50,8 @@ def identify(
 
     require_kind("records or their files", (RecordSet, Path, str, list, tuple), records=records)
     if not records or (isinstance(records, list | tuple) and any(isinstance(r, Record) for r in records)):
-        raise InputError(f"records is a {type(records).__name__} of no files; allowed: a RecordSet, files of records")
+        of = "a list of Records" if records else repr(records)
+        raise InputError(f"records is {of}; allowed: a RecordSet, or files of records")
     require_kind("names in a list", (list, tuple), extras=extras, follows=follows)
     require_kind("parameters by name", Mapping, start=start)
     require_kind("a whole number", int, starts=starts, seed=seed, threads=threads)
