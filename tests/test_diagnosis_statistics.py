@@ -14,6 +14,7 @@ from mrdamp.diagnosis.constants import LAPSE
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ceiling import ceiling, of_fit
 from mrdamp.diagnosis.evidence.judgement import with_nearest
+from mrdamp.diagnosis.evidence.ties import unseen
 from mrdamp.diagnosis.evidence.verdict import (
     Scored,
     by_causes,
@@ -287,3 +288,19 @@ def test_the_ceiling_of_a_fit_leaves_the_noise() -> None:
     problem = Problem(rig)
     found = of_fit(problem, problem.of_settings([{}])[0], sum((0.05 / b.size) ** 2 for b in problem.blocks))
     assert found > 0.8
+
+
+@pytest.mark.parametrize(("own", "hidden"), [(0.0, True), (1.0, False)])
+def test_a_baseline_fixes_what_free_parameters_would_absorb(own: float, hidden: bool) -> None:
+    """A motion between -1 and 1 alone: a cubic is a gain there, and the baseline has fixed the gain."""
+    rig = toy({})
+    rng = np.random.default_rng(3)
+    made = []
+    for r in rig.records:
+        x = np.where(np.arange(r.n) // 20 % 2 == 0, 1.0, -1.0)
+        force = 2.0 * x + 0.02 * rng.standard_normal(r.n)
+        made.append(replace(r, channels=dict(r.channels) | {"displacement_m": x, "force_N": force}))
+    search = search_of(replace(rig, records=tuple(made)))
+    search.own = own
+    rows = {row["effect"] for row in unseen(search, search.base)}
+    assert ("cubic" in rows) == hidden
