@@ -11,5 +11,4 @@ inline void Narx::Amend(const NarxNet&, NarxHistory*, double, double, double) {}
 inline double Narx::Force(const NarxNet&, const NarxHistory&, double, double, double, double) { return 0; }
 }  // namespace mrdamp
 
-
 #endif  // MRDAMP_DEVICE_NO_NETWORK_H_

@@ -168,7 +168,7 @@ def law_of_baseline(
     if own <= INEXACT * untouched.cost(floors(untouched, noise, {})):
         return None
     progress("identifying the law on the baseline", 0.01)
-    return baseline_law(rig, case.baseline, asked or case.records)
+    return baseline_law(rig, case.baseline, asked)
 
 
 def judge(search: Search) -> tuple[list[Fit], Decision]:

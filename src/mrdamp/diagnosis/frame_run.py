@@ -158,8 +158,8 @@ def judge(
 ) -> tuple[list[Fit], Decision]:
     """All fits, including those whose structural parameters are interpreted as effects, and the decision.
 
-    channels: findings on storeys and accelerometers
-    without a law; they have priority if the law is not the rig's. only: causes that may be named; None: all.
+    channels: findings on storeys and accelerometers without a law; they have priority if the law is not the rig's.
+    only: causes that may be named; None: all.
     """
     penalties: dict[int, float] = {}
     if rig.free_structure:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from mrdamp.model.native import (
     Options,
     checked,
     library,
+    numbers_of,
     pointer,
     whole_pointer,
 )
@@ -155,8 +156,9 @@ def run_records(
         if narx is not None or law == "narx":
             raise InputError("networks do not run on a GPU; leave device out")
         for one in records:  # what is out of range is refused on the processor, in three samples
-            v, a = (None if c is None else c[:3] for c in (one.v, one.a))
-            run_records(law, [replace(one, x=one.x[:3], v=v, a=a, u=one.u[:3], run_in=False)])
+            params = _matrix(one.params).copy()
+            params[:, attribute_index()["channel_shift_d"]] = 0.0  # whose range is that of the whole record
+            run_records(law, [Sets(params, one.dt, one.x[:3], one.u[:3], substep=one.substep)])
         leads = [run_in(one.dt, one.x, one.u, one.v) if one.run_in else None for one in records]
         return on_gpu(law, records, leads, numbers.tolist())
     out, kept, motions = [], [], (Motions * len(records))()
@@ -354,9 +356,8 @@ def run_frame(
 ) -> dict[str, Array]:
     """One frame through one ground motion; arguments as in `run_frame_many`."""
     command = np.full(len(ground_acceleration), float(u)) if np.ndim(u) == 0 else np.asarray(u, dtype=float)
-    params = vector(law, parameters)
     return run_frame_many(
-        law, params, [frame], dt, ground_acceleration, command, hold=hold, substep=substep, narx=narx
+        law, vector(law, parameters), [frame], dt, ground_acceleration, command, hold=hold, substep=substep, narx=narx
     )[0]
 
 
@@ -383,17 +384,6 @@ def _channel(name: str, value: Array | None, n: int) -> Array | None:
     if array.shape != (n,):
         raise InputError(f"'{name}' has shape {array.shape}; expected ({n},)")
     return array
-
-
-def numbers_of(name: str, value: Any) -> Array:
-    """An array of doubles, contiguous; InputError for anything but real numbers."""
-    try:
-        array = np.asarray(value)
-        if np.iscomplexobj(array):
-            raise ValueError
-        return np.ascontiguousarray(array, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} is no array of real numbers") from None
 
 
 def _matrix(params: Array) -> Array:

@@ -161,6 +161,17 @@ def rows(table: str) -> Iterator[list[str]]:
         yield row.decode().split("\t")
 
 
+def numbers_of(name: str, value: Any) -> Array:
+    """An array of doubles, contiguous; InputError for anything but real numbers."""
+    try:
+        array = np.asarray(value)
+        if np.iscomplexobj(array):
+            raise ValueError
+        return np.ascontiguousarray(array, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of real numbers") from None
+
+
 def pointer(array: Array) -> object:
     """Pointer to the doubles of a contiguous array."""
     return array.ctypes.data_as(double_p)

@@ -13,7 +13,6 @@ from mrdamp.diagnosis.problem.rig import Rig
 _MAKING = (frozenset({"backlash_gap"}), frozenset({"driver_lag_tau", "driver_lag_tau2"}))
 
 
-
 def of_itself(found: Fit) -> float:
     """Penalty of a fit with a cause whose parameters make it another one."""
     return CAUSE * gone(found)
