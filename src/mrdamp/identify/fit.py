@@ -276,13 +276,14 @@ def identify(
     first = search.start if start is None else search.point(start)
     sampler = qmc.LatinHypercube(n, rng=np.random.default_rng(seed))
     # Half of the trial points are around the first one, half anywhere.
-    trials = sampler.random(24 * starts)
+    trials = sampler.random(24 * starts if starts > 1 else 0)
     near = np.clip(first + 0.3 * (trials[::2] - 0.5), 0, 1)
     points = np.vstack([first, near, trials[1::2]])
     say = progress or silent
     say("trying starts", 0.0)
     points = np.array([problem.begin(p) for p in points])
-    cost = np.concatenate([np.sum(problem.residuals(p) ** 2, axis=1) for p in np.array_split(points, 6)])
+    parts = np.array_split(points, min(6, len(points)))
+    cost = np.concatenate([np.sum(problem.residuals(p) ** 2, axis=1) for p in parts])
     chosen = [0, *(k for k in np.argsort(cost, kind="stable") if k != 0)][:starts]
     found: list[tuple[float, int, Array]] = []
     for count, k in enumerate(chosen):
