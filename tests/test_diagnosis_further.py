@@ -10,7 +10,7 @@ import pytest
 
 from mrdamp.diagnosis.answer import named_effects, widened
 from mrdamp.diagnosis.constants import MATERIAL, UNSTEADY
-from mrdamp.diagnosis.evidence import judgement
+from mrdamp.diagnosis.evidence import established, judgement
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
 from mrdamp.diagnosis.evidence.further import with_further
 from mrdamp.diagnosis.evidence.judgement import decided, likely, never_worse, scored
@@ -66,6 +66,21 @@ def test_of_two_causes_that_are_named_each_is_more_probable_than_not(pair: float
     after = likely(search, replace(both, probabilities=tuple(share), unknown=0.0), more, {})
     assert set(after.chosen.causes) == named
     assert set(more[after.chosen.index].hypothesis.causes) == named
+
+
+def test_a_cause_counts_with_those_that_are_tied_with_it_by_nature(monkeypatch: pytest.MonkeyPatch) -> None:
+    """.40 + .35 of two forms of one signature beside the offset, and .25 of the offset alone."""
+    search, fits, decision = found(offset=0.5, sign=0.3)
+    more, both = with_further(search, fits, decision)
+    parent = fits[decision.chosen.index]
+    more += [f for f in search.beside(parent) if "late" in f.hypothesis.causes]
+    alone = max(k for k, f in enumerate(more) if f.hypothesis.causes == ("offset",))
+    share = np.zeros(len(more))
+    share[[both.chosen.index, -1, alone]] = 0.4, 0.35, 0.25
+    given = replace(both, probabilities=tuple(share), unknown=0.0)
+    assert set(likely(search, given, more, {}).chosen.causes) == {"offset"}
+    monkeypatch.setattr(established, "TIED_BY_NATURE", (frozenset({"sign", "late"}),))
+    assert set(likely(search, given, more, {}).chosen.causes) == {"offset", "sign"}
 
 
 def test_nothing_is_added_where_there_is_no_second_cause() -> None:
@@ -173,6 +188,25 @@ def test_a_correction_has_to_hold_on_left_out_records(
     assert after.verdict == "unknown"
     assert after.chosen.causes == ()
     assert after.unknown == (0.6 if verdict == "unknown" else UNSTEADY)
+
+
+@pytest.mark.parametrize("verdict", ["effect", "unknown"])
+@pytest.mark.parametrize("better", [True, False])
+def test_a_simulator_that_was_identified_on_the_records_is_judged_by_left_out_fits_of_its_law(
+    answered: tuple[Search, list[Fit], Decision], better: bool, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It leaves less of these records than any left-out fit, and its law, left out, twice as much."""
+    search, fits, decision = answered
+    problem, factor = search.problem, 0.99 if better else 1.01
+    share = 2 * factor * np.sqrt(1 - MATERIAL)
+    final = FinalFit(next(f for f in fits if f.hypothesis.causes), share * problem.gaps(search.residual), problem)
+    monkeypatch.setattr(search, "missed", True)
+    monkeypatch.setattr(search, "law_alone", 2 * search.residual, raising=False)
+    monkeypatch.setattr(Search, "predicted", lambda self, found: share * self.residual)
+    monkeypatch.setattr(judgement, "predicted_gap", lambda model, problem: 0.1)
+    monkeypatch.setattr(judgement, "AGREEMENT", np.inf)
+    handed, after = never_worse(search, fits, final, replace(decision, verdict=verdict))
+    assert (handed is final, after.verdict) == (better, verdict if better else "unknown")
 
 
 def test_a_simulator_that_no_model_file_takes_is_not_handed_over() -> None:

@@ -80,7 +80,8 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         problem = plain.like(trust=trust(plain, floor))
         most, own = limits or Limits(), own_cost(problem, base)
         cost = problem.cost(floor)
-        return Search(problem, cost, most, jobs, own=own, steady=noise.steady, direct=direct), floor
+        missed = case.question == "missed"
+        return Search(problem, cost, most, jobs, own=own, steady=noise.steady, direct=direct, missed=missed), floor
 
     search, floor = begun(rig)
     ends = frozenset(search.base.at_bounds)

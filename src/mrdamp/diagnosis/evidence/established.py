@@ -70,7 +70,7 @@ def standing(sets: Mapping[tuple[str, ...], float]) -> Standing | None:
     found = [s for s in sorted(sets, key=lambda s: (-sets[s], s)) if _causes(s)]
     if not found:
         return None
-    marginal = {c: _probability(sets, c) for s in found for c in s}
+    marginal = {c: together(sets, c) for s in found for c in s}
     top = next((s for s in found if all(marginal[c] > 0.5 for c in s)), None)
     if top is None:
         best = next((s for s in found if any(marginal[c] > 0.5 for c in s)), found[0])
@@ -84,7 +84,8 @@ def _causes(causes: Collection[str]) -> bool:
     return bool(causes) and set(causes) != {"parameters"}
 
 
-def _probability(sets: Mapping[tuple[str, ...], float], cause: str) -> float:
+def together(sets: Mapping[tuple[str, ...], float], cause: str) -> float:
+    """Probability of a cause and of those that are tied with it by nature."""
     return sum(p for s, p in sets.items() if _has(s, cause))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mrdamp.diagnosis.constants import MATERIAL, UNSTEADY
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
+from mrdamp.diagnosis.evidence.established import together
 from mrdamp.diagnosis.evidence.penalties import of_itself
 from mrdamp.diagnosis.evidence.verdict import (
     Decision,
@@ -17,7 +18,6 @@ from mrdamp.diagnosis.evidence.verdict import (
     by_causes,
     decide,
     lapse_of,
-    of_cause,
     of_fit,
     of_parameters,
     with_lapse,
@@ -82,8 +82,7 @@ def left_out_ratios(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
 
 
 def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Decision:
-    """The decision; if the cause is unknown, with the fit that has the least error on left-out records as the
-    chosen one.
+    """The decision; if the cause is unknown, with the fit that leaves least on left-out records as the chosen one.
 
     The set with the most evidence may reduce little if no cause explains much. The handed-over simulator
     should be as close as the catalogue allows.
@@ -92,7 +91,7 @@ def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Dec
         return decision
     near = sorted(range(len(fits)), key=lambda k: (fits[k].cost, fits[k].hypothesis.name))[:_NEAREST]
     near += [k for k, f in enumerate(fits) if not f.hypothesis.terms]  # any effect bends a wrong law
-    best = min(near, key=lambda k: search.left_out_cost(fits[k]))
+    best = min(near, key=lambda k: search.ratio(search.predicted(fits[k]), search.reference))
     found = fits[best]
     left = max(found.cost - decision.floor, 0.0) / decision.excess
     return replace(decision, chosen=replace(scored([found])[0], index=best), unexplained=left)
@@ -114,15 +113,16 @@ def stated(
 def likely(
     search: Search, decision: Decision, fits: Sequence[Fit], regimes: Mapping[str, Sequence[RegimeEstimate]]
 ) -> Decision:
-    """The decision without the causes whose stated probability is not above one half; if that is true of all, there is
-    no gap, or its cause is unknown. The decision is by utilities, the statement also by what these do not know
-    (`lapse_of`): of six named answers with less, on opened cases of measured rigs and of other laws, five were wrong.
+    """The decision without the causes whose stated probability, with that of causes tied with them by nature, is not
+    above one half; if that is true of all, there is no gap, or its cause is unknown. The decision is by utilities, the
+    statement also by what these do not know (`lapse_of`): of six named answers with less, on opened cases of measured
+    rigs and of other laws, five were wrong.
     """
     if decision.verdict != "effect":
         return decision
-    known = of_cause(stated(search, decision, fits, regimes))
+    sets = stated(search, decision, fits, regimes)
     causes = set(decision.chosen.causes)
-    named = {cause for cause in causes if known.get(cause, 0.0) > 0.5}
+    named = {cause for cause in causes if together(sets, cause) > 0.5}
     if not named:
         against = beside_none(search.nominal_cost, max(search.own, decision.floor if search.steady else 0.0))
         if against is None:
@@ -142,10 +142,12 @@ def never_worse(
     """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
     it on left-out whole records, or if no model file takes it.
 
-    The fit has to take MATERIAL of the nominal squares off on left-out folds, in the cells or, with a named cause, in
-    all; a cause that channels show without a law may be small. Where its file predicts another gap than the fit has, as
-    noise of the motion may act on a law, the file's gap has to be as much smaller too. A correction without a cause
-    that holds in all squares alone made one of four measured simulators 8 % worse on records that were kept back.
+    The fit has to take MATERIAL of the squares of `Search.reference` off on left-out folds, in the cells or, with a
+    named cause, in all; a cause that channels show without a law may be small. Where its file predicts another gap than
+    the fit has, as noise of the motion may act on a law, the file's gap has to be as much smaller too. A correction
+    without a cause that holds in all squares alone made one of four measured simulators 8 % worse on records that were
+    kept back. What a simulator leaves of records that it was identified on is no measure for records left out: there,
+    whole records are not compared with it.
     """
     if decision.verdict == "none":
         return final, decision
@@ -155,15 +157,17 @@ def never_worse(
     reason = decision.verdict == "parameters"
     if not reason:
         chosen = least_left_out(search, fits[decision.chosen.index])
-        left, most = search.ratio(search.predicted(chosen), search.residual), 1 - MATERIAL
+        before = search.reference
+        left, most = search.ratio(search.predicted(chosen), before), 1 - MATERIAL
         if decision.verdict == "effect":
-            left = min(left, search.left_out_cost(chosen) / search.nominal_cost)
+            left = min(left, search.left_out_cost(chosen) / float(before @ before))
             most = 1.0 if any(search.direct.get(cause) for cause in decision.chosen.causes) else most
         models = (problem.rig.model(f.settings) for f in (final.fit, nominal))
         corrected, given = (predicted_gap(model, problem) for model in models)
         alike = abs(corrected - pooled(problem.gaps(final.fit.residual))) <= AGREEMENT
         reason = left <= most and (alike or corrected**2 <= most * given**2)
-    if reason and problem.cost(final.heldout) <= problem.cost(gaps) and in_file(problem.rig, final.fit):
+    holds = search.missed or problem.cost(final.heldout) <= problem.cost(gaps)
+    if reason and holds and in_file(problem.rig, final.fit):
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
     refused = replace(decision, verdict="unknown", unknown=unknown)

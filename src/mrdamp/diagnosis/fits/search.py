@@ -51,14 +51,21 @@ class Search(FitTable):
 
     rivals: fits of causes outside the catalogue; looks_like: the rival that decided the verdict. steady:
     False if two runs of one test differ by more than their noise. direct: nats, by cause, from channels that
-    measure the same quantity.
+    measure the same quantity. missed: the simulator was identified on these records.
     """
 
     rivals: list[Fit] = field(default_factory=list)
     looks_like: Fit | None = None
     steady: bool = True
     direct: Mapping[str, float] = field(default_factory=dict)
+    missed: bool = False
     _rivals_fitted: bool = False
+
+    @property
+    def reference(self) -> Array:
+        """Residuals (samples,) that a correction has to improve on with left-out ones: of the nominal simulator, or, if
+        that is a fit to these very records, left-out ones of its law fitted again."""
+        return self.law_alone if self.missed else self.residual
 
     def begin_with(self, terms: Sequence[Term]) -> None:
         """Fits terms from their first starts, with fixed and with free nominal parameters, and keeps both."""
