@@ -15,7 +15,7 @@ endif
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: always help venv build tools demo test check-all bench bench-gpu studies mutants docs lint cpp-test sanitize tsan fuzz wheel-test clean
+.PHONY: always help venv build tools demo test check-all bench bench-gpu studies mutants docs lint cpp-test sanitize tsan arm fuzz wheel-test clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/p' Makefile | expand -t 19
@@ -62,7 +62,7 @@ demo: build  ## the main job on the project's own records; page: out/demo/index.
 test: tools lint sanitize  ## C++ tests under sanitizers, ruff, mypy, pytest without the slow ones
 	@$(bin)/python -m pytest -n 2 -m "not slow"
 
-check-all: tools lint cpp-test sanitize tsan fuzz wheel-test docs  ## test, plain C++ tests, slow tests, mutants, thread sanitizer, fuzzing, wheel, docs
+check-all: tools lint cpp-test sanitize tsan arm fuzz wheel-test docs  ## test, plain C++ tests, slow tests, mutants, thread sanitizer, 64-bit ARM, fuzzing, wheel, docs
 	@$(pip) 'mrdamp[warp,cuda]'
 	@$(bin)/python -m pytest -n 2
 	@$(MAKE) --no-print-directory mutants
@@ -82,6 +82,12 @@ sanitize: build  ## C++ tests under the address and undefined-behaviour sanitize
 
 tsan: build  ## C++ tests under the thread sanitizer
 	@$(cpp_tests) tsan -DMRDAMP_SANITIZE=thread
+
+arm: build  ## C++ tests for 64-bit ARM, where its compiler and QEMU are there (Debian: g++-aarch64-linux-gnu qemu-user)
+	@if command -v aarch64-linux-gnu-g++ >/dev/null && command -v qemu-aarch64 >/dev/null; then \
+	  $(cpp_tests) arm -DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=aarch64 -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++ \
+	    -DCMAKE_C_COMPILER=aarch64-linux-gnu-gcc '-DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64;-L;/usr/aarch64-linux-gnu'; \
+	else echo "make: no aarch64-linux-gnu-g++ or no qemu-aarch64; the C++ tests for 64-bit ARM are left out"; fi
 
 fuzz: build  ## fuzz every target for 60 s in all (fuzz_seconds=...)
 	@BIN=$(bin) tools/fuzz.sh $(fuzz_seconds)

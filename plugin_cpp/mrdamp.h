@@ -80,7 +80,7 @@ typedef struct {
   int threads;     /* that share the parameter sets; <= 1: none */
   double substep;  /* s: overrides the attribute where > 0 */
   int run_in;      /* 1: a record of mrdamp_run that begins in motion is led into by motion of its own, see there */
-  int lanes;       /* sets that a core steps at once: 1, 4 or 8; 0: what its vector units take */
+  int lanes;       /* sets that a core steps at once, at most: 1, 2, 4, 8; 0: what its vector units take */
 } mrdamp_options;
 
 /* nset parameter vectors, each through the whole record.
@@ -237,8 +237,8 @@ MRDAMP_API int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, cha
 MRDAMP_API void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* load, double* state,
                                   double* measurements);
 /* One control period of n rows with constant commands (n x count): state n x size, loads n, criteria n x mrdamp_rows_criteria(),
- * measurements n x mrdamp_rows_measurements(). lanes: rows that a core steps at once, 1, 4 or 8; 0: what its vector units
- * take. Results do not depend on the numbers of threads and lanes. One call at a time. */
+ * measurements n x mrdamp_rows_measurements(). lanes: rows that a core steps at once, at most: 1, 2, 4, 8; 0: what its
+ * vector units take. Results do not depend on the numbers of threads and lanes. One call at a time. */
 MRDAMP_API void mrdamp_rows_step(mrdamp_rows* rows, int n, double* state, const mrdamp_load* loads, const double* commands,
                                  double* criteria, double* measurements, int threads, int lanes);
 /* The same of n rows that are each the only one of a structure of its own, all with as many dampers, criteria and measurements;

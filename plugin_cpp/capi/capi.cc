@@ -126,7 +126,7 @@ int mrdamp_run_records(int law, const mrdamp_narx* net, int nrecord, const mrdam
   for (int c = 0; c < ncol; c++) {
     if (columns[c] < 0 || columns[c] >= MRDAMP_COLUMNS) return Fail(err, err_size, "unknown column " + std::to_string(columns[c]));
   }
-  if (!KnownLanes(lanes)) return Fail(err, err_size, "lanes is " + std::to_string(lanes) + "; allowed: 0, 1, 4, 8");
+  if (!KnownLanes(lanes)) return Fail(err, err_size, "lanes is " + std::to_string(lanes) + "; allowed: 0, 1, 2, 4, 8");
   std::vector<std::vector<double>> differentiated;
   std::vector<std::vector<Damper>> dampers(nrecord);
   std::vector<RecordView> views;

@@ -41,24 +41,39 @@ std::string Alike(const Damper& d) {
 }  // namespace mrdamp
 
 #ifdef MRDAMP_PACKS  // see lanes/pack.cc
-#define MRDAMP_LAW(name, Type, ...) \
-  extern "C" const MrdampPack mrdamp_pack_4_k##Type, mrdamp_plain_4_k##Type, mrdamp_pack_8_k##Type, mrdamp_plain_8_k##Type;
+#ifdef __aarch64__  // NEON
+#define MRDAMP_NARROW 2
+#define MRDAMP_WIDE 2
+#else
+#define MRDAMP_NARROW 4
+#define MRDAMP_WIDE 8
+#endif
+#define MRDAMP_JOINED(kind, lanes, Type) mrdamp_##kind##_##lanes##_k##Type
+#define MRDAMP_PACK_OF(kind, lanes, Type) MRDAMP_JOINED(kind, lanes, Type)
+#define MRDAMP_LAW(name, Type, ...)                                                                            \
+  extern "C" const MrdampPack MRDAMP_PACK_OF(pack, MRDAMP_NARROW, Type), MRDAMP_PACK_OF(plain, MRDAMP_NARROW, Type); \
+  extern "C" const MrdampPack MRDAMP_PACK_OF(pack, MRDAMP_WIDE, Type), MRDAMP_PACK_OF(plain, MRDAMP_WIDE, Type);
 #include "core/attributes.def"
 
 namespace mrdamp {
 
 int Widest(int asked) {
   int most = 1;
+#ifdef __aarch64__
+  most = MRDAMP_WIDE;
+#else
   if (__builtin_cpu_supports("avx2")) most = 4;
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) most = 8;
+#endif
   if (asked > 0) most = std::min(most, asked);
-  return most >= 8 ? 8 : most >= 4 ? 4 : 1;
+  return most >= MRDAMP_WIDE ? MRDAMP_WIDE : most >= MRDAMP_NARROW ? MRDAMP_NARROW : 1;
 }
 
 const MrdampPack* PackFor(const std::vector<Damper>& dampers, int lanes) {
   static const MrdampPack* const packs[][2][2] = {
 #define MRDAMP_LAW(name, Type, ...) \
-  {{&mrdamp_pack_4_k##Type, &mrdamp_plain_4_k##Type}, {&mrdamp_pack_8_k##Type, &mrdamp_plain_8_k##Type}},
+  {{&MRDAMP_PACK_OF(pack, MRDAMP_NARROW, Type), &MRDAMP_PACK_OF(plain, MRDAMP_NARROW, Type)}, \
+   {&MRDAMP_PACK_OF(pack, MRDAMP_WIDE, Type), &MRDAMP_PACK_OF(plain, MRDAMP_WIDE, Type)}},
 #include "core/attributes.def"
   };
   bool plain = true;
@@ -66,8 +81,8 @@ const MrdampPack* PackFor(const std::vector<Damper>& dampers, int lanes) {
     if (d.law != dampers[0].law || d.hold != dampers[0].hold || Alike(d).empty()) return nullptr;
     plain = plain && Plain(d.p);
   }
-  if (lanes < 4 || dampers.empty()) return nullptr;
-  return packs[static_cast<int>(dampers[0].law)][lanes == 8][plain];
+  if (lanes < MRDAMP_NARROW || dampers.empty()) return nullptr;
+  return packs[static_cast<int>(dampers[0].law)][lanes == MRDAMP_WIDE][plain];
 }
 
 }  // namespace mrdamp

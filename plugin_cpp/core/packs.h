@@ -14,9 +14,9 @@ namespace mrdamp {
 // stepped alone, because a delayed command jumps at times of its own, and a network has a grid of its own.
 std::string Alike(const Damper& d);
 
-inline bool KnownLanes(int lanes) { return lanes == 0 || lanes == 1 || lanes == 4 || lanes == 8; }
+inline bool KnownLanes(int lanes) { return lanes == 0 || lanes == 1 || lanes == 2 || lanes == 4 || lanes == 8; }
 
-// Dampers in a pack on this processor: 8, 4 or 1, at most `asked` (0: any).
+// Dampers in a pack on this processor, at most `asked` (0: any): 8 by AVX-512, 4 by AVX2, 2 by NEON, else 1.
 int Widest(int asked);
 
 // The code for packs of `lanes` of dampers of one law; null where there is none.

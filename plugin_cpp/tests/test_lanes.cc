@@ -96,7 +96,7 @@ TEST(LanesDoNotShow) {
       for (const double f : alone) size = std::fmax(size, std::fabs(f));
       CHECK(size > 10 && std::isfinite(size));
       const std::string what = std::string(law.name) + " " + (effects.empty() ? "" : effects[0].name);
-      for (const int lanes : {4, 8}) {
+      for (const int lanes : {2, 4, 8}) {
         check::That(Runs(law.name, settings, lanes, lanes == 8 ? 3 : 1) == alone, __FILE__, __LINE__, what);
       }
     }

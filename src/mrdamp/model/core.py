@@ -138,8 +138,8 @@ def run_records(
 ) -> list[Array]:
     """Parameter sets through records, all at once. Returns (sets, columns, n) for each record.
 
-    `lanes`: sets that a core steps at once, 1, 4 or 8; 0: what its vector units take. The same for any number of
-    threads and lanes. device: `cuda` is the first NVIDIA GPU (extra `cuda`), without networks. Raises InputError.
+    `lanes`: sets that a core steps at once, at most: 1, 2, 4, 8; 0: what its vector units take. The same for any number
+    of threads and lanes. device: `cuda` is the first NVIDIA GPU (extra `cuda`), without networks. Raises InputError.
     """
     require_kind("a whole number", int, threads=threads, lanes=lanes)
     if threads < 0:

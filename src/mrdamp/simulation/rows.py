@@ -73,7 +73,8 @@ def require_finite(found: tuple[Array, Array]) -> tuple[Array, Array]:
 @dataclass(frozen=True)
 class Stepping:
     """How n rows are stepped. period: of control, s; timestep: the largest within it, s; command_max: (m,) A or V;
-    threads: that share the rows. lanes: rows that a core steps at once, 1, 4 or 8; 0: what its vector units take.
+    threads: that share the rows. lanes: rows that a core steps at once, at most: 1, 2, 4, 8; 0: what its vector units
+    take.
     """
 
     period: float
@@ -89,8 +90,8 @@ class Stepping:
             raise InputError(f"timestep is {self.timestep:g}; allowed: {_LEAST_STEP:g} s or more")
         require_kind("a whole number", int, threads=self.threads)
         require_positive("rows", threads=self.threads)
-        if self.lanes not in (0, 1, 4, 8):
-            raise InputError(f"lanes is {self.lanes}; allowed: 0, 1, 4, 8")
+        if self.lanes not in (0, 1, 2, 4, 8):
+            raise InputError(f"lanes is {self.lanes}; allowed: 0, 1, 2, 4, 8")
 
     @property
     def inner(self) -> int:

@@ -30,8 +30,9 @@ from mrdamp.diagnosis.problem.residuals import pooled
 from mrdamp.model.core import Array
 
 Causes = tuple[str, ...]
-#: Number of fits of an unknown cause that are evaluated on left-out records.
-_NEAREST = 6
+#: Number of fits of an unknown cause that are evaluated on left-out records. On nine opened measured cases twelve find
+#: a better one than six in three, by records that were kept back.
+_NEAREST = 12
 #: A fit this many nats below the best one, penalties included, is ruled out.
 _IMPROBABLE = 10.0
 

@@ -64,8 +64,9 @@ class Search(FitTable):
     @property
     def reference(self) -> Array:
         """Residuals (samples,) that a correction has to improve on with left-out ones: of the nominal simulator, or, if
-        that is a fit to these very records, left-out ones of its law fitted again."""
-        return self.law_alone if self.missed else self.residual
+        that is a fit to these very records, left-out ones of its law fitted again where these are larger."""
+        known = (self.residual, self.law_alone) if self.missed else (self.residual,)
+        return max(known, key=lambda r: self.ratio(r, self.residual))
 
     def begin_with(self, terms: Sequence[Term]) -> None:
         """Fits terms from their first starts, with fixed and with free nominal parameters, and keeps both."""
