@@ -46,9 +46,9 @@ def _random() -> list[str]:
         shares = " | ".join(f"{100 * np.mean(e > limit):.2f} %" for limit in (0.01, 0.05))
         rows.append(f"| {name} | {len(e)} | {shares} | {100 * np.median(e):.4f} % | {100 * e.max():.1f} % |")
     return [
-        f"{_COUNT} draws (seed {_SEED}) of a law with one or two effects, parameters up to a factor of 20 from a"
-        " typical value. Records of 1 ms, commands that jump every 40 ms. Errors: RMS of the force at the default inner"
-        " step (0.5 ms) less that at 12.5 us, over the latter's RMS.\n",
+        f"{_COUNT} draws (seed {_SEED}), parameters up to a factor of 20 from a typical value. Records of 1 ms,"
+        " commands that jump every 40 ms. Errors: RMS of the force at the default inner step (0.5 ms) less that at"
+        " 12.5 us, over the latter's RMS.\n",
         "| | draws | above 1 % | above 5 % | median | largest |\n|---|---:|---:|---:|---:|---:|",
         *rows,
     ]
@@ -72,8 +72,8 @@ def _alone() -> list[str]:
     few = sum(cell > _SHOWN for cell in largest)
     rest = max(cell for cell in largest if cell <= _SHOWN)
     return [
-        f"Errors of the force in % of its RMS, records of 1 ms, with every law: at most {max(largest):.3f} %, and at"
-        f" most {rest:.3f} % with all but {few} of the {len(largest)} effects and forms."
+        f"Errors of the force over its RMS, with every law: at most {max(largest):.3f} %, and at most {rest:.3f} %"
+        f" with all but {few} of the {len(largest)} effects and forms."
     ]
 
 
@@ -97,8 +97,8 @@ def _engines() -> list[str]:
             cells = (f"{signals[int(e.argmax())]} {100 * e.max():.2f} %" for e in found.values())
             chosen.append(f"| {s.name} | {engine} | {1e3 * step:g} ms | {' | '.join(cells)} |")
     return [
-        "Largest error of any signal (RMS of the difference over the RMS) against the chain at a tenth of the"
-        " default step. The command switches between zero and its largest value, at most every fifth control period.\n",
+        "Largest error of any signal against the chain at a tenth of the default step. The command switches between"
+        " zero and its largest value, at most every fifth control period.\n",
         "| structure | engine | default | twice | default | half |\n|---|---|---:|---|---|---|",
         *chosen,
     ]
@@ -116,14 +116,12 @@ python -m benchmarks.convergence_page
 
 Less accurate are
 
-- **a nearly undamped mass that rattles** in a clearance or on a stiff mount: samples depend on the phase of hundreds
-  of impacts; the RMS of the force is right within 3 %;
+- **a nearly undamped mass that rattles** in a clearance or on a stiff mount: the RMS of the force is right within 3 %;
 - **friction with a large breakaway behind a mount**: slip begins up to one step late, or not at all where the force
   ends just below the breakaway;
 - **forces that jump at a reversal** (`trapped_gas` without `width`): right to one step;
 - **the cable's acceleration at a sticking damper**: it grows with the number of modes. Give the sensor a `bandwidth`;
-- **a sharp yield in the frame** (Bingham, `v_ref` of 1 mm/s): 2.6 % at 0.5 ms, 1.1 % at 0.25 ms. Set a shorter
-  `timestep`.
+- **a sharp yield in the frame** (Bingham, `v_ref` of 1 mm/s): 2.6 % at 0.5 ms, 1.1 % at 0.25 ms.
 """
 
 

@@ -69,8 +69,8 @@ _EFFECTS = ("--extras", "offset", "driver_lag", "saturation", "gas_spring", "cha
 
 _EMBEDDED = Page(
     "Embedded records",
-    "Seventeen tests of a simulated damper that shares no physics with the package. They come with it "
-    "(`src/mrdamp/data/embedded/`).",
+    "Seventeen tests of [a simulated damper](../../src/mrdamp/data/embedded/README.md) that shares no physics with the "
+    "package.",
     (
         Table(
             "Whole records",
@@ -83,8 +83,7 @@ _EMBEDDED = Page(
         ),
         Table(
             "Varying current, 4000:2000:1500 samples at 500 Hz",
-            "The self-sensing paper's protocol: 5 Hz, 2.5 mm, random current; training, validation and test part are "
-            "cut from one record. Held out: the test part and the other records of random current.",
+            "The self-sensing paper's protocol. Held out: the test part and the other records of random current.",
             (
                 Row("modified Bouc-Wen", "cut_plain", ("--law", "modified_bouc_wen", *_CUT)),
                 Row(
@@ -112,16 +111,15 @@ _EMBEDDED = Page(
 
 _UTFSM = Page(
     "UTFSM press",
-    "MR damper of about 1.6 kN at 1 A on a servo-hydraulic press, 2022, MIT licence, in "
-    "github.com/DanielMaurelE/vRTHS_AMBC_MRdamper. Training: sines (25 mm 0.5 Hz, 10 mm 2 Hz, 5 mm 3 Hz; "
-    "0, .25, .5, 1 A). Held out: 25 mm 0.25 Hz, and a 2 mm sweep from 0 to 15 Hz of another day.",
+    "MR damper of about 1.6 kN at 1 A on a servo-hydraulic press (github.com/DanielMaurelE/vRTHS_AMBC_MRdamper, MIT "
+    "licence). Training: sines (25 mm 0.5 Hz, 10 mm 2 Hz, 5 mm 3 Hz; 0, .25, .5, 1 A). Held out: 25 mm 0.25 Hz, and a "
+    "2 mm sweep from 0 to 15 Hz of another day.",
     (
         Table(
             "Laws and network",
             "All laws are above the reference, because the damper was in another state on the day of the sweep: at .5 "
-            "A 1.16 to 1.21 times as strong as on the training day, at any speed. With one gain for each record "
-            "modified Bouc-Wen would have .110. The reference's tests are not available; nearest to them is the next "
-            "table. S: `quadratic_saturating`, an S-shaped dependence on the current.",
+            "A 1.16 to 1.21 times as strong as on the training day, at any speed. The reference's tests are not "
+            "available; nearest to them is the next table. S: `quadratic_saturating`.",
             (
                 *_laws((0.24, 0.14, 0.13, 0.12), "--dependence", "quadratic"),
                 *_laws(
@@ -153,14 +151,14 @@ _UTFSM = Page(
 
 _UTFPR = Page(
     "UTFPR sine rig",
-    "MR damper RD-8041 on a motor-driven sine rig, 2020, MIT licence, doi 10.5281/zenodo.4445334 (A. N. "
-    "Vargas). Sines of 3.6 to 20 mm at .46 to 1.5 Hz and four coil voltages. The current is inferred.",
+    "MR damper RD-8041 on a motor-driven sine rig (doi 10.5281/zenodo.4445334, A. N. Vargas, MIT licence). Sines of "
+    "3.6 to 20 mm at .46 to 1.5 Hz and four coil voltages. The current is inferred.",
     (
         Table(
             "As recorded",
-            "The tests at 0 V named 50Hz have ten times the others' noise in the displacement (50 to 100 um), which "
-            "damping and stiffness turn into force; errors are given without them too. Bouc-Wen cannot fit better: its "
-            "force reverses over a displacement, this damper's over a velocity.",
+            "The tests at 0 V named 50Hz have ten times the others' noise in the displacement; errors are given "
+            "without them too. Bouc-Wen cannot fit better: its force reverses over a displacement, this damper's over "
+            "a velocity.",
             (
                 *_laws((0.24, 0.12, 0.13, 0.09), "--dependence", "quadratic"),
                 Row(
@@ -196,9 +194,8 @@ _UTFPR = Page(
 
 _NEES = Page(
     "NEES prototype",
-    "Lord's 3 kN prototype, S. Dyke, 1994-96, doi 10.4231/D3V11VM6X (NEES-2012-1158). Its licence is not "
-    "verified, so the records are not redistributed. Random displacement to 50 Hz, random two-level "
-    "voltage, 3004.8 Hz. Three training records, one held out.",
+    "Lord's 3 kN prototype (S. Dyke, doi 10.4231/D3V11VM6X; licence not verified, not redistributed). Random "
+    "displacement to 50 Hz, random two-level voltage, 3004.8 Hz. Three training records, one held out.",
     (
         Table(
             "Plain laws",
@@ -216,10 +213,8 @@ _NEES = Page(
         ),
         Table(
             "With effects, and the network",
-            "Offset, stiffness of the accumulator and lag of the command are fitted too; in one row also a delay "
-            "between displacement and force. At 3 kHz the velocities contain all noise of the displacement: the "
-            "network, and its reference, run at 300 Hz on low-passed velocities, and all models are evaluated there "
-            "too.",
+            "At 3 kHz the velocities contain all noise of the displacement: the network, and its reference, run at "
+            "300 Hz on low-passed velocities, and all models are evaluated there too.",
             (
                 *_laws((0.31, 0.21, 0.18, 0.165), "--starts", "2", "--extras", "offset", "gas_spring", "driver_lag",
                        "--dependence", "quadratic", suffix="_effects", note=", effects"),
