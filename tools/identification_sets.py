@@ -69,8 +69,7 @@ _EFFECTS = ("--extras", "offset", "driver_lag", "saturation", "gas_spring", "cha
 
 _EMBEDDED = Page(
     "Embedded records",
-    "Seventeen tests of [a simulated damper](../../src/mrdamp/data/embedded/README.md) that shares no physics with the "
-    "package.",
+    "Seventeen tests of a simulated damper that shares no physics with the package (`src/mrdamp/data/embedded/`).",
     (
         Table(
             "Whole records",
