@@ -19,8 +19,9 @@ namespace mrdamp {
 
 // A damper's fixed part.
 struct Damper {
-#ifdef MRDAMP_PACK_LAW  // packs are made for one law each
+#ifdef MRDAMP_PACK_LAW  // code that is made for one law
   static constexpr Law law = Law::MRDAMP_PACK_LAW;
+  Law law_left_out = law;
 #else
   Law law{};
 #endif

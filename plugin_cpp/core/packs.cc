@@ -26,7 +26,20 @@ bool Plain(const Params& p) {
       ;
 }
 
+constexpr MrdampSteps kAnyDamper = OwnSteps();
+
 }  // namespace
+
+#define MRDAMP_LAW(name, Type, ...) extern "C" const MrdampSteps mrdamp_steps_k##Type;
+#include "core/attributes.def"
+
+const MrdampSteps* StepsFor(const Damper& d) {
+  static const MrdampSteps* const plain[] = {
+#define MRDAMP_LAW(name, Type, ...) &mrdamp_steps_k##Type,
+#include "core/attributes.def"
+  };
+  return d.law != Law::kNarx && Plain(d.p) ? plain[static_cast<int>(d.law)] : &kAnyDamper;
+}
 
 std::string Alike(const Damper& d) {
   if (d.law == Law::kNarx || HasDelay(d.p)) return "";

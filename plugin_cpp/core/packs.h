@@ -7,6 +7,7 @@
 
 #include "core/chain.h"
 #include "core/lane.h"
+#include "core/steps.h"
 
 namespace mrdamp {
 
@@ -21,6 +22,9 @@ int Widest(int asked);
 
 // The code for packs of `lanes` of dampers of one law; null where there is none.
 const MrdampPack* PackFor(const std::vector<Damper>& dampers, int lanes);
+
+// The code that steps a damper in an engine.
+const MrdampSteps* StepsFor(const Damper& d);
 
 }  // namespace mrdamp
 

@@ -11,8 +11,10 @@ struct Params {
 #include "core/fields.h"
 #else
 #define MRDAMP_ATTRIBUTE(name, group, unit, def, lo, hi, meaning) Real name = def;
-#ifdef MRDAMP_PLAIN  // packs without these effects: as constants they cost nothing
-#define MRDAMP_EFFECT(name, group, unit, def, lo, hi, meaning) static constexpr double name = def;
+#ifdef MRDAMP_PLAIN  // code without these effects: as constants they cost nothing, and the layout stays
+#define MRDAMP_EFFECT(name, group, unit, def, lo, hi, meaning) \
+  static constexpr double name = def;                          \
+  Real name##_left_out = def;
 #endif
 #include "core/attributes.def"
 #endif

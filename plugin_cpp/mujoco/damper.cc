@@ -74,6 +74,7 @@ bool DamperInstance::Parse(const mjModel* m, std::string* error) {
   };
   if (!ParseDamper(config, text, &damper_, &net_, error)) return false;
   damper_.hold = true;
+  steps_ = StepsFor(damper_);
   return true;
 }
 
@@ -185,7 +186,7 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   }
   if (at_.now.past) Load(at_.now.past, s + at);
   if (integrate_) at_.x = start.started == 0 ? 0 : start.x + std::max(0.0, d->time - start.time) * at_.v;
-  at_.CatchUp(start, m->opt.timestep);
+  steps_->catch_up(&at_, &start, m->opt.timestep);
 }
 
 double DamperInstance::Turning(const mjModel* m, const mjData* d) {
@@ -258,7 +259,7 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
         DamperInstance* p = acting_[k];
         const Observation& now = explicit_step ? p->at_.seen : p->at_.start;
         mobility_.Respond(m, d, p->output_, &p->response_);
-        step_[k] = {p->at_.v, p->at_.v + h * p->response_.free, now.force, now.slope, p->Mass(), p->response_.bare, &p->at_};
+        step_[k] = {{p->at_.v, p->at_.v + h * p->response_.free, now.force, now.slope, p->Mass(), p->response_.bare, &p->at_}, p->steps_};
       }
       for (std::size_t k = 0; k < n; k++) {
         for (std::size_t j = 0; j < n; j++) {

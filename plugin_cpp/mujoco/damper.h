@@ -8,11 +8,17 @@
 #include <string>
 #include <vector>
 
-#include "core/stepping.h"
+#include "core/packs.h"
 #include "core/record.h"
 #include "mujoco/mobility.h"
 
 namespace mrdamp {
+
+// A damper in the step to come, by the code for its law and effects.
+struct PluginDamper : StepDamper {
+  const MrdampSteps* steps = nullptr;
+  double trial(double v, double part) const { return steps->trial(at, v, part); }
+};
 
 inline constexpr char kDamperName[] = "mrdamp.damper";
 
@@ -54,6 +60,7 @@ class DamperInstance {
   int instance_ = 0, actuator_ = 0, output_ = 0;
   bool integrate_ = false;
   Damper damper_;
+  const MrdampSteps* steps_ = nullptr;
   std::unique_ptr<NarxNet> net_;
   std::vector<char> attributes_;
   std::vector<int> peers_;  // all dampers of the model, including this one; the first one solves for all
@@ -81,7 +88,7 @@ class DamperInstance {
   // Of the first damper, which solves for all.
   Mobility mobility_;
   std::vector<DamperInstance*> acting_;
-  std::vector<StepDamper> step_;
+  std::vector<PluginDamper> step_;
   std::vector<int> outputs_;
   std::vector<const OutputResponse*> responses_;
   std::vector<double> weight_, forces_;
