@@ -306,3 +306,36 @@ def test_recompiled_spec_has_the_new_parameters() -> None:
         plugin.config = {"law": "bingham", **{name: repr(value) for name, value in dashpot(c).items()}}
         model = spec.compile()
         assert force_at(model, mujoco.MjData(model)) == pytest.approx(0.1 * c, rel=1e-12)
+
+
+def test_a_model_changed_on_the_way_acts_as_on_new_data() -> None:
+    """Each change alters what a force brings about within a step: inertia, damping, gear, step, limits."""
+    model, data = compiled(rich())
+
+    def change(k: int) -> None:
+        if k == 0:
+            model.body_mass[1:] *= 1.5
+        elif k == 1:
+            model.dof_armature[:] += 3.0
+        elif k == 2:
+            model.dof_damping[:] *= 2.0
+        elif k == 3:
+            model.actuator_gear[:, 0] *= 1.2
+        elif k == 4:
+            model.opt.timestep *= 0.5
+        else:
+            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_DAMPER
+
+    for k in range(6):
+        data.ctrl[:] = 1.0 + 0.1 * k
+        data.qfrc_applied[:] = 40.0 * (-1) ** k
+        mujoco.mj_step(model, data, 40)
+        change(k)
+        new = mujoco.MjData(model)
+        state = np.empty(mujoco.mj_stateSize(model, SPECS[1]))
+        mujoco.mj_getState(model, data, state, SPECS[1])
+        mujoco.mj_setState(model, new, state, SPECS[1])
+        for each in (data, new):
+            mujoco.mj_step(model, each, 5)
+        np.testing.assert_array_equal(data.qvel, new.qvel, err_msg=str(k))
+        assert np.abs(data.actuator_force).max() > 0

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 // The matrix that the engine's implicit integrators use, d->qDeriv. Exported, but in no public header of 4.0.0.
 extern "C" void mjd_smooth_vel(const mjModel* m, mjData* d, int flg_bias);
@@ -248,11 +249,33 @@ void Mobility::Release(const mjModel* m, mjData* d, const double* solved, double
   for (int i = 0; i < rows_; i++) Add(force, Row(i), -impulse_[i], nv_);
 }
 
+// Notes what the response of an output is made of; true if nothing of it has changed.
+bool Mobility::Unchanged(const mjModel* m, const mjData* d, OutputResponse* r) {
+  made_of_.assign(d->qLD, d->qLD + m->nC);
+  made_of_.insert(made_of_.end(), d->qLDiagInv, d->qLDiagInv + nv_);
+  const int begin = d->moment_rowadr[r->output];
+  for (int k = begin; k < begin + d->moment_rownnz[r->output]; k++) {
+    made_of_.insert(made_of_.end(), {static_cast<double>(d->moment_colind[k]), d->actuator_moment[k]});
+  }
+  if (damping_ == kJoints) made_of_.insert(made_of_.end(), joints_.begin(), joints_.end());
+  made_of_.insert(made_of_.end(), {static_cast<double>(damping_), m->opt.timestep});
+  if (rows_ > 0 || damping_ == kAll) made_of_.clear();
+  const std::size_t size = made_of_.size();
+  if (size > 0 && size == r->made_of.size() && !std::memcmp(made_of_.data(), r->made_of.data(), size * sizeof(double))) return true;
+  r->made_of.swap(made_of_);
+  return false;
+}
+
 void Mobility::Respond(const mjModel* m, mjData* d, int output, OutputResponse* r) {
   r->output = output;
+  if (!Unchanged(m, d, r)) Solve(m, d, r);
+  r->free = Product(r->end.data(), d->nefc > 0 ? total_.data() : push_.data(), nv_);
+}
+
+void Mobility::Solve(const mjModel* m, mjData* d, OutputResponse* r) {
   r->push.assign(nv_, 0.0);
   r->end.resize(nv_);
-  Moment(d, output, 1, r->push.data());
+  Moment(d, r->output, 1, r->push.data());
   mj_solveM(m, d, r->end.data(), r->push.data(), 1);
   const double size = Product(r->push.data(), r->end.data(), nv_);
   Release(m, d, r->end.data(), r->push.data());
@@ -285,7 +308,6 @@ void Mobility::Respond(const mjModel* m, mjData* d, int output, OutputResponse* 
   }
   r->own = Weight(*r, *r);
   r->bare = std::max(1.0, bare / r->own);
-  r->free = Product(r->end.data(), d->nefc > 0 ? total_.data() : push_.data(), nv_);
 }
 
 double Mobility::Weight(const OutputResponse& of, const OutputResponse& at) const {

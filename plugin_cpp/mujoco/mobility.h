@@ -23,6 +23,8 @@ struct OutputResponse {
   std::vector<double> push;  // generalised forces of a unit force at the output, less what constraints carry of it
   double own = 0, bare = 1;  // 1/kg, its weight on itself; as in StepDamper
   double free = 0;           // acceleration of the output over the step without any damper's force
+  // Where no constraint is felt: factors of the mass matrix, moment, damping and step that gave the rest.
+  std::vector<double> made_of;
 };
 
 // The engine solves M a = push + J' f(J a - a_ref) - moments of the dampers' forces for the acceleration a, with the
@@ -48,6 +50,8 @@ class Mobility {
   void Evaluate(const mjModel* m, mjData* d);
   void AddRow(const mjModel* m, const mjData* d, int row, const double* share, int count);
   void Linearise(const mjModel* m, mjData* d);
+  bool Unchanged(const mjModel* m, const mjData* d, OutputResponse* r);
+  void Solve(const mjModel* m, mjData* d, OutputResponse* r);
   void Release(const mjModel* m, mjData* d, const double* solved, double* force);
   const double* Row(int i) const { return jacobian_.data() + static_cast<std::size_t>(i) * nv_; }
 
@@ -57,7 +61,7 @@ class Mobility {
   std::vector<double> push_;                 // nv, generalised forces without dampers and constraints
   std::vector<double> joints_;               // nv, damping of the joints
   std::vector<double> now_, total_;          // nv, acceleration of the linearisation; M times that without dampers
-  std::vector<double> row_, solve_, work_, along_, pushed_;
+  std::vector<double> row_, solve_, work_, along_, pushed_, made_of_;
   std::vector<char> felt_, near_;  // trees and constraints that a damper feels
   // C^1/2 J; M^-1 times its rows; the Cholesky factor of the smaller of the two matrices that give (M + J' C J)^-1.
   std::vector<double> jacobian_, inverse_, factor_, impulse_;
