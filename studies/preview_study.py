@@ -30,12 +30,12 @@ from mrdamp.compare.comparison import Comparison, Summary, compare
 from mrdamp.compare.contenders import Contender, contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import PERIOD, FrameBench, Scales, frame_rollouts
-from mrdamp.compare.motions import read_motions
-from mrdamp.compare.runner import How, run_all
 from mrdamp.control.passive import Replay
+from mrdamp.envs.training_loads import read_motions
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.motions import GroundMotion
+from mrdamp.parallel import How, run_all
 from mrdamp.pictures import style
 from studies.receding import Receding
 

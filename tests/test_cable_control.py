@@ -21,8 +21,7 @@ from mrdamp.control.force_control import ForceController
 from mrdamp.control.registry import make
 from mrdamp.envs.loads import CableLoad
 from mrdamp.errors import InputError
-from mrdamp.structures.cables import StayCable
-from mrdamp.structures.taut_cable import TENSION
+from mrdamp.structures.cables import TENSION, StayCable
 from refusals import refuses
 
 Array = NDArray[np.float64]

@@ -325,12 +325,12 @@ def test_the_generator_is_independent_of_the_plugin() -> None:
 
 
 PLAIN = [
-    *("motions.motion", "motions.files", "errors", "files", "shown"),
+    *("motions", "errors", "files", "shown"),
     *(f"records.{name}" for name in ("record", "csv_file", "division", "motion", "sampling", "channels")),
 ]
 
 
-@pytest.mark.parametrize("module", [*PLAIN, "motions.__init__", "records.__init__"])
+@pytest.mark.parametrize("module", [*PLAIN, "records.__init__"])
 def test_what_the_generator_uses_has_no_physics(module: str) -> None:
     text = (resources.files("mrdamp") / f"{module.replace('.', '/')}.py").read_text()
     used = set(re.findall(r"^\s*(?:from|import)\s+(mrdamp[.\w]*|ctypes|mujoco)", text, re.MULTILINE))

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from mrdamp import cli, sets
+from mrdamp.cli import script
 from mrdamp.commands import progress_bar
-from mrdamp.commands.completion import script
 from mrdamp.demo import run as demo
 from mrdamp.model import Model
 from mrdamp.model.citations import citation

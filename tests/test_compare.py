@@ -21,18 +21,18 @@ from mrdamp.compare.bench import UNCONTROLLED, coil, score
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import shipped_policies
-from mrdamp.compare.motions import (
-    read_motions,
-)
 from mrdamp.compare.page import comparison_page
-from mrdamp.compare.runner import run_all
 from mrdamp.compare.tables import differences_csv
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
 from mrdamp.control.registry import parse
+from mrdamp.envs.training_loads import (
+    read_motions,
+)
 from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
+from mrdamp.parallel import run_all
 from mrdamp.simulation.criteria import evaluate
 from mrdamp.structures import dyke1996
 from refusals import refuses

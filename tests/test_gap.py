@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from mrdamp.compare.motions import tuning_motions, unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.passive import Constant
 from mrdamp.diagnosis.case.folder import read_case
+from mrdamp.envs.training_loads import tuning_motions, unseen_motions
 from mrdamp.errors import InputError
 from mrdamp.gap import measured
-from mrdamp.gap.learned import Learning, straightened
-from mrdamp.gap.scenario import Scenario, nominal_frame
+from mrdamp.gap.scenario import Learning, Scenario, nominal_frame, straightened
 from mrdamp.model import Effect, Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.stepping import run_frame

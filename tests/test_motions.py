@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import welch
 
+from mrdamp import motions
 from mrdamp.errors import InputError
 from mrdamp.motions import GroundMotion, embedded_motion, kanai_tajimi, read_motion
-from mrdamp.motions import files as motion_files
 from refusals import refusal_of, refuses
 
 QUAKES = Path(__file__).resolve().parents[2] / "shared" / "data" / "earthquakes"
@@ -156,9 +156,9 @@ def test_any_text_is_read_or_refused(text: str, at2: bool, head: str) -> None:
     refusal = None
     try:
         if at2:
-            step, values, _ = motion_files.parse_at2("a.AT2", head + text)
+            step, values, _ = motions.parse_at2("a.AT2", head + text)
         else:
-            step, values, _ = motion_files.parse_csv("a.csv", head + text, 0.01)
+            step, values, _ = motions.parse_csv("a.csv", head + text, 0.01)
         motion = GroundMotion("a", step, values)
     except InputError as error:
         refusal = str(error)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from mrdamp.commands.identify import add_to
 from mrdamp.model import Model
 from mrdamp.narx import splits
 from mrdamp.narx.network import Network
-from mrdamp.narx.train import Checkpoint
+from mrdamp.parallel import Kept
 from mrdamp.records import Record, embedded
 from mrdamp.simulation.stepping import drive_rig
 from narx_data import made, motion, recursion
@@ -166,16 +166,16 @@ def test_two_jobs_find_the_same_and_a_broken_search_goes_on(tmp_path: Path) -> N
     run(*call, "-o", one)
     puts: list[str] = []
     most = 5
-    keep = Checkpoint.put
+    keep = Kept.add
 
-    def put(self: Checkpoint, name: str, result: Mapping[str, Any]) -> None:
+    def put(self: Kept, name: str, result: dict[str, Any]) -> None:
         if len(puts) == most:
             raise KeyboardInterrupt
         puts.append(name)
         keep(self, name, result)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Checkpoint, "put", put)
+        patch.setattr(Kept, "add", put)
         with pytest.raises(KeyboardInterrupt):
             run(*call, "-o", two)
         assert not two.exists()

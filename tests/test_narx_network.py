@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 
 from excitation import Array
 from mrdamp.model import core
-from mrdamp.narx import layers as nn
+from mrdamp.narx import network as nn
 from mrdamp.narx.bayes import effective, minimise
 from mrdamp.narx.data import lagged
 from mrdamp.narx.network import Network, regressors

@@ -110,7 +110,7 @@ def test_choice_is_the_same_for_one_worker_and_two_and_goes_on_from_its_cache(tm
     drawn = np.asarray(axes[2].lines[3].get_ydata(), dtype=float)
     np.testing.assert_allclose(drawn, [100 * t.validation_free for t in one.units])
     cache.write_text("{}")
-    refuses(lambda: choose(cache=cache), "no file of finished trials")
+    refuses(lambda: choose(cache=cache), "no file of finished runs")
 
 
 @pytest.mark.slow

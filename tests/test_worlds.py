@@ -18,7 +18,7 @@ from mrdamp.errors import InputError
 from mrdamp.gpu import fields, free_attributes, sources
 from mrdamp.model import core
 from mrdamp.model.attributes import law_number, vector
-from mrdamp.warp.native import Worlds, sizes
+from mrdamp.warp.convert import Worlds, sizes
 from refusals import refuses
 from test_laws_and_effects import DT, TERMS, damper, sampled, settings_of
 

@@ -28,8 +28,8 @@ from mrdamp.compare.comparison import Comparison, Summary, difference
 from mrdamp.compare.contenders import contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
-from mrdamp.compare.motions import read_motions, unseen_motions
 from mrdamp.compare.tables import markdown, short
+from mrdamp.envs.training_loads import read_motions, unseen_motions
 from mrdamp.files import write_atomic
 from mrdamp.model import Effect
 from mrdamp.motions import GroundMotion

@@ -18,8 +18,8 @@ import numpy as np
 
 from mrdamp.compare.benches import scaled
 from mrdamp.compare.dyke1996 import frame_model
-from mrdamp.compare.motions import tuning_motions
 from mrdamp.control.passive import Replay
+from mrdamp.envs.training_loads import tuning_motions
 from mrdamp.files import write_atomic
 from mrdamp.motions import TIME_SCALE
 from mrdamp.records.csv_file import render

@@ -43,7 +43,7 @@ class Result(Shown):
     """folder: policy.json (the best on the validation loads), training.json; curve: one row an evaluation, its
     `timesteps`, `score` and the means of the world's measures; seconds: of process time, whole."""
 
-    picture: ClassVar[str] = "mrdamp.train.curves:curve"
+    picture: ClassVar[str] = "mrdamp.train.learn:curve"
     folder: Path
     curve: tuple[dict[str, float], ...]
     seconds: float

@@ -6,7 +6,7 @@ import argparse
 import os
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,6 @@ from mrdamp.commands import (
     Run,
     add_command,
     calibrate,
-    completion,
     diagnosis,
     inverse,
     named_model,
@@ -145,7 +144,13 @@ def build_parser() -> argparse.ArgumentParser:
     cite.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
     plugin_path = add("plugin-path", _plugin_path, "print where the plugin library lies", "mrdamp plugin-path")
     plugin_path.add_argument("--include", action="store_true", help="print the folder of mrdamp.h, the C interface")
-    completion.add_to(commands, parser)
+    complete = add(
+        "completion",
+        partial(_completion, parser),
+        "print the shell's completion script; load it with: source <(mrdamp completion bash)",
+        "mrdamp completion bash > ~/.local/share/bash-completion/completions/mrdamp",
+    )
+    complete.add_argument("shell", choices=("bash", "zsh"))
     return parser
 
 
@@ -307,6 +312,56 @@ def _plugin_path(a: argparse.Namespace) -> int:
     path = library_path()
     print(path.parents[1] / "include" if a.include else path)
     return 0
+
+
+def _completion(parser: argparse.ArgumentParser, a: argparse.Namespace) -> int:
+    print("\n".join(script(parser, a.shell)))
+    return 0
+
+
+def script(parser: argparse.ArgumentParser, shell: str) -> Iterator[str]:
+    """Lines of the script: commands first, then the command's options, an option's choices, files elsewhere."""
+    (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+    if shell == "zsh":
+        yield "autoload -Uz bashcompinit && bashcompinit"
+    yield "_mrdamp() {"
+    yield '  local now="${COMP_WORDS[COMP_CWORD]}" before="${COMP_WORDS[COMP_CWORD-1]}" words=""'
+    yield "  COMPREPLY=()"
+    yield "  if [ $COMP_CWORD -eq 1 ]; then"
+    yield f'    words="{" ".join([*commands.choices, *_options(parser)])}"'
+    yield '    COMPREPLY=($(compgen -W "$words" -- "$now"))'
+    yield "    return"
+    yield "  fi"
+    yield '  case "${COMP_WORDS[1]}:$before" in'
+    for name, command in commands.choices.items():
+        for action in command._actions:
+            if action.choices and action.option_strings:
+                pattern = "|".join(f"{name}:{option}" for option in action.option_strings)
+                yield f'    {pattern}) words="{" ".join(map(str, action.choices))}" ;;'
+    yield "  esac"
+    yield '  if [ -z "$words" ]; then'
+    yield '    case "${COMP_WORDS[1]}" in'
+    for name, command in commands.choices.items():
+        # Names of a positional's choices stand among the options: there is no telling where it comes.
+        own = [
+            str(c) for action in command._actions if not action.option_strings for c in action.choices or ()
+        ]
+        yield f'      {name}) words="{" ".join([*_options(command), *own])}" ;;'
+    yield "    esac"
+    yield '    case "$now" in'
+    yield "      -*) ;;"
+    yield '      *) COMPREPLY=($(compgen -f -- "$now")) ;;'
+    yield "    esac"
+    yield "  fi"
+    yield '  COMPREPLY+=($(compgen -W "$words" -- "$now"))'
+    yield "}"
+    yield "complete -o filenames -F _mrdamp mrdamp"
+
+
+def _options(parser: argparse.ArgumentParser) -> list[str]:
+    return [
+        option for action in parser._actions for option in action.option_strings if option.startswith("--")
+    ]
 
 
 if __name__ == "__main__":

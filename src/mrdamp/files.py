@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import hashlib
 import io
 import json
 import os
@@ -130,6 +131,11 @@ def _whole(digits: str) -> int:
 
 def _refused(constant: str) -> float:
     raise InputError(f"it holds {constant}; allowed: finite numbers")
+
+
+def digest(of: Any) -> str:
+    """16 hexadecimal digits of the SHA-256 of what JSON can hold."""
+    return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def write_atomic(path: Path, content: str | bytes | Iterable[str] | Callable[[IO[bytes]], object]) -> None:

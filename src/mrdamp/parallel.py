@@ -2,23 +2,28 @@
 
 The backend is joblib's own (loky) unless the environment variable MRDAMP_BACKEND is `ray` (extra `cluster`).
 Results come in the order of the tasks and do not depend on the backend or on the number of processes, as long as a
-task's seed is its own; every task computes with one thread of BLAS, so that they do not crowd each other.
+task's seed is its own; every task computes with one thread of BLAS, so that they do not crowd each other. Finished
+ones can be kept in a file, from which an interrupted run goes on.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from operator import methodcaller
+from pathlib import Path
+from typing import Any, Protocol, TypedDict, TypeVar, Unpack
 
 import joblib
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.errors import InputError
+from mrdamp.files import digest
 
 Result = TypeVar("Result")
 #: Of a long run: called with what is done, and a share from 0 to 1.
@@ -99,3 +104,101 @@ def _backend() -> Iterator[str]:
     register_ray()
     with joblib.parallel_config(backend=name):
         yield name
+
+
+class Kept(dict[str, dict[str, Any]]):
+    """Results by key in a file of JSON lines; None keeps them in memory alone. A damaged or changed line is dropped.
+
+    Raises InputError for a file of another kind.
+    """
+
+    def __init__(self, path: Path | str | None) -> None:
+        self.path = None if path is None else Path(path)
+        super().__init__()
+        if self.path is None or not self.path.exists():
+            return
+        text, foreign = self.path.read_text(encoding="utf-8", errors="replace"), False
+        for line in text.splitlines():
+            try:
+                entry = json.loads(line)
+                if entry["result"] and entry["digest"] == digest([entry["key"], entry["result"]]):
+                    self[entry["key"]] = entry["result"]
+            except ValueError:
+                continue
+            except (KeyError, TypeError):
+                foreign = True
+        if foreign and not self:
+            raise InputError(f"{self.path}: no file of finished runs; delete it to begin anew")
+        if text and not text.endswith("\n"):  # cut off in the middle of a line
+            with self.path.open("a", encoding="utf-8") as stream:
+                stream.write("\n")
+
+    def add(self, key: str, result: dict[str, Any]) -> None:
+        """Keep a result. Raises InputError where the file cannot be written."""
+        self[key] = result
+        if self.path is not None:
+            try:
+                with self.path.open("a", encoding="utf-8") as stream:
+                    line = {"key": key, "result": result, "digest": digest([key, result])}
+                    stream.write(json.dumps(line) + "\n")
+            except OSError as error:
+                raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
+
+
+def finished(
+    work: Callable[..., Result],
+    tasks: Mapping[str, tuple[Any, ...]],
+    kept: Kept,
+    jobs: int,
+    say: Callable[[int, Result | None], None],
+    pack: Callable[[Result], dict[str, Any]],
+    unpack: Callable[[dict[str, Any]], Result],
+) -> dict[str, Result]:
+    """What `work` makes of each task, by key; those that are kept are not run again.
+
+    say: called with how many are there, and the one just made, None at first. pack, unpack: to what JSON can hold, and
+    back.
+    """
+    found = {key: unpack(kept[key]) for key in tasks if key in kept}
+    left = {key: task for key, task in tasks.items() if key not in found}
+    say(len(found), None)
+    for key, result in zip(left, mapped(work, left.values(), jobs), strict=True):
+        kept.add(key, pack(result))
+        found[key] = result
+        say(len(found), result)
+    return found
+
+
+class How(TypedDict, total=False):
+    """How many runs are made. jobs: processes, 1 by default, -1 for all cores; keep: the file of results that are not
+    made again; progress: called with what is being done and its share."""
+
+    jobs: int
+    keep: Path | None
+    progress: Progress | None
+
+
+class Task(Protocol):
+    """What is run: pure, so that any number of processes gives the same."""
+
+    def key(self) -> str:
+        """Hash of all inputs of the result."""
+
+    def run(self) -> dict[str, Any]:
+        """The result, for JSON."""
+
+
+def run_all(tasks: Sequence[Task], what: str = "runs", **how: Unpack[How]) -> list[dict[str, Any]]:
+    """The result of every task, in their order; those that `keep` holds are not run again. Raises InputError."""
+    jobs, progress = how.get("jobs", 1), how.get("progress") or silent
+    if jobs == 0:
+        raise InputError("0 jobs; allowed: 1 or more, or -1 for all cores")
+    keys = [task.key() for task in tasks]
+    each = {key: (task,) for key, task in zip(keys, tasks, strict=True)}
+
+    def say(count: int, made: dict[str, Any] | None) -> None:
+        done = len(tasks) - len(each) + count
+        progress(what if made else f"{what}: {done} of {len(tasks)} kept", done / max(len(tasks), 1))
+
+    found = finished(methodcaller("run"), each, Kept(how.get("keep")), jobs, say, dict, dict)
+    return [found[key] for key in keys]

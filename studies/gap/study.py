@@ -17,8 +17,15 @@ from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.gap import scenario as workplace
-from mrdamp.gap.learned import Progress
-from mrdamp.gap.scenario import CRITERIA, Scenario, nominal_frame, relative, relative_error, with_range
+from mrdamp.gap.scenario import (
+    CRITERIA,
+    Progress,
+    Scenario,
+    nominal_frame,
+    relative,
+    relative_error,
+    with_range,
+)
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.simulation.criteria import Criteria

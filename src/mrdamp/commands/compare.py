@@ -131,8 +131,8 @@ def _compare(a: argparse.Namespace) -> str:
     from mrdamp.compare import tables
     from mrdamp.compare.benches import bench_of, compared
     from mrdamp.compare.frame import FrameBench
-    from mrdamp.compare.motions import doubtful
     from mrdamp.compare.page import paths_picture, shares_picture, write_comparison
+    from mrdamp.envs.training_loads import doubtful
     from mrdamp.motions import GroundMotion
 
     period = None if a.period is None else 1e-3 * a.period

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from mrdamp.model import Model
     from mrdamp.narx import Choice, Evaluation, FitNarx, Network, Pruned
     from mrdamp.narx.error_bars import Sufficiency
-    from mrdamp.narx.select import Trial
     from mrdamp.narx.splits import DataSplit
     from mrdamp.parallel import Progress
     from mrdamp.records import RecordSet
@@ -168,7 +167,7 @@ def _splits(a: argparse.Namespace, records: RecordSet) -> DataSplit:
 
 def _select(a: argparse.Namespace, splits: DataSplit, cache: Path, progress: Progress) -> Choice:
     from mrdamp.narx import Candidate, select
-    from mrdamp.narx.select import as_good
+    from mrdamp.narx.select import as_good, name_of
 
     if min(a.max_lags, a.max_units, a.seeds) < 1:
         raise InputError("--max-lags, --max-units and --seeds must be at least 1")
@@ -189,19 +188,15 @@ def _select(a: argparse.Namespace, splits: DataSplit, cache: Path, progress: Pro
         progress=lambda what, share: progress(f"choice of {what}", share),
     )
     for what, trials in (("inputs", choice.inputs), ("lags", choice.lags), ("hidden units", choice.units)):
+        names = {t: name_of(what, t.candidate) for t in trials}
         print(f"{what}: error over the force's standard deviation on validation")
         print(f"  {'':>8s} {'free run':>9s} {'one step':>9s}" + (f"   {a.by} over the seeds" if a.seeds > 1 else ""))
-
-        def name(t: Trial, what: str = what) -> str:
-            c = t.candidate
-            return {"inputs": c.channels, "lags": str(c.lags)}.get(what, "-".join(map(str, c.hidden)))
-
         for t in trials:
             low, high = t.span(a.by)
             span = f"   {_number(low)} to {_number(high)}" if a.seeds > 1 else ""
-            print(f"  {name(t):>8s} {_number(t.validation_free)} {_number(t.validation_one)}{span}")
+            print(f"  {names[t]:>8s} {_number(t.validation_free)} {_number(t.validation_one)}{span}")
         if a.seeds > 1:
-            print(f"  not told apart by the seeds: {', '.join(name(t) for t in as_good(trials, a.by))}")
+            print(f"  not told apart by the seeds: {', '.join(names[t] for t in as_good(trials, a.by))}")
     c = choice.candidate
     print(f"chosen: inputs {c.channels}, lag space {c.lags}, hidden units {'-'.join(map(str, c.hidden))}")
     return choice

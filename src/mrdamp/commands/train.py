@@ -71,8 +71,7 @@ def add_to(commands: Any) -> None:
 def run_train(a: argparse.Namespace) -> int:
     """Trains, and prints the validation figures of every seed."""
     from mrdamp.files import together
-    from mrdamp.train import curves
-    from mrdamp.train.learn import sweep
+    from mrdamp.train.learn import compared, sweep
     from mrdamp.train.settings import Options, settings
 
     if a.seeds < 1:
@@ -91,14 +90,14 @@ def run_train(a: argparse.Namespace) -> int:
             asked = settings(replace(options, overrides=(*options.overrides, *point.overrides))).n_timesteps
             _print(point, list(seeds), asked)
         if len(found) > 1:
-            compared = {" ".join(point.overrides): point.results for point in found}
-            save_picture(curves.compared(compared), a.out / "curves.png")
+            named = {" ".join(point.overrides): point.results for point in found}
+            save_picture(compared(named), a.out / "curves.png")
     return 0
 
 
 def _print(point: Setting, seeds: list[int], asked: int) -> None:
     """asked: control periods."""
-    from mrdamp.train.curves import curves
+    from mrdamp.train.learn import curves
 
     if point.overrides:
         print(f"{' '.join(point.overrides)}: mean score {point.score():.4f}")

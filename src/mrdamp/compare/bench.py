@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -16,13 +15,14 @@ import numpy as np
 
 from mrdamp import __version__
 from mrdamp.compare import own
-from mrdamp.compare.motions import UNSEEN_AMPLITUDES, read_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller, ZeroOrderHold
 from mrdamp.envs.plant_env import RowPlant
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, task_of
+from mrdamp.envs.training_loads import UNSEEN_AMPLITUDES, read_motions
 from mrdamp.errors import InputError, require_one_of, require_period, require_positive
+from mrdamp.files import digest
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -49,11 +49,6 @@ class Measure:
     key: str
     title: str
     ratio: bool = False
-
-
-def digest(of: Sequence[Any]) -> str:
-    """16 hexadecimal digits of the SHA-256 of what JSON can hold."""
-    return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()[:16]
 
 
 #: What ratios are over on a structure with a damper more or less.

@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamp.compare import clairvoyant
 from mrdamp.compare.beam import WIDTHS
-from mrdamp.compare.bench import Bench, Load, digest
+from mrdamp.compare.bench import Bench, Load
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.comparison import Comparison, compare, distinct
@@ -22,14 +22,15 @@ from mrdamp.compare.contenders import Contender, contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.goals import GoalBench
-from mrdamp.compare.runner import How, run_all
 from mrdamp.compare.tuning import Loops, Setting, settings_for
 from mrdamp.control import registry
 from mrdamp.envs.linear import own_kind
 from mrdamp.errors import InputError, require_positive
+from mrdamp.files import digest
 from mrdamp.model import Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.outside import NAMED
+from mrdamp.parallel import How, run_all
 from mrdamp.structures import dyke1996
 
 _VERSION = 2  # of the search

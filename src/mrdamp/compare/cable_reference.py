@@ -1,6 +1,6 @@
 """The reference numbers of a taut cable with an ideal damper: best viscous, active and ideal semi-active damping.
 
-After Johnson, Baker, Spencer and Fujino, as `mrdamp.structures.taut_cable`. The load w is white noise and
+After Johnson, Baker, Spencer and Fujino, as `mrdamp.structures.cables`. The load w is white noise and
 J = (E[int_0^1 v^2 dx])^(1/2) the RMS motion. Six cases: the damper at .01, .02 and .05 of the length, the load spread
 evenly or as the first mode; full state, weight of the force squared 1e-3, mode damping .005.
 """
@@ -22,7 +22,7 @@ from mrdamp.control.lqg import Plant, regulator_gain
 from mrdamp.errors import InputError
 from mrdamp.parallel import mapped
 from mrdamp.structures import FloatArray
-from mrdamp.structures.taut_cable import Load, TautCable
+from mrdamp.structures.cables import Load, TautCable
 
 
 @dataclass(frozen=True)

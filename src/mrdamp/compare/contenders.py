@@ -8,11 +8,12 @@ from importlib import resources
 from pathlib import Path
 
 from mrdamp.compare import own
-from mrdamp.compare.bench import Bench, digest
+from mrdamp.compare.bench import Bench
 from mrdamp.compare.tuning import Setting
 from mrdamp.control import registry
 from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
+from mrdamp.files import digest
 
 _SUFFIXES = (".json", ".json.gz")
 

@@ -13,7 +13,6 @@ import numpy as np
 from mrdamp.compare.beam import least
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Bench, Measure, coil, require_periods
 from mrdamp.compare.clairvoyant import Path, Peaks, search
-from mrdamp.compare.motions import unseen_motions
 from mrdamp.compare.rollouts import Rollouts
 from mrdamp.control import registry
 from mrdamp.control.base import OWN, Controller, ZeroOrderHold, sensor_name
@@ -21,6 +20,7 @@ from mrdamp.control.passive import Replay
 from mrdamp.control.told import knowledge
 from mrdamp.envs.frame import Frame, FramePlant
 from mrdamp.envs.frame_rows import FrameChain
+from mrdamp.envs.training_loads import unseen_motions
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, Model
 from mrdamp.model.core import Array

@@ -14,14 +14,14 @@ from typing import Any, NamedTuple, Unpack
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from mrdamp.compare.bench import UNCONTROLLED, Bench, Load, digest, score
-from mrdamp.compare.runner import How, run_all
+from mrdamp.compare.bench import UNCONTROLLED, Bench, Load, score
 from mrdamp.control import registry
 from mrdamp.control.base import Controller, ZeroOrderHold
 from mrdamp.envs.task import Task
 from mrdamp.errors import Diverged, InputError
-from mrdamp.files import write_atomic
+from mrdamp.files import digest, write_atomic
 from mrdamp.model.core import Array
+from mrdamp.parallel import How, run_all
 
 #: Of the options' range: members for each option in a generation. The search ends where the scores of a generation
 #: are as near to each other as this, or after the budget.

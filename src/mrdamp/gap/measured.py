@@ -17,8 +17,7 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
-from mrdamp.gap.learned import Progress
-from mrdamp.gap.scenario import CRITERIA, Options, Scenario, relative_error, with_range
+from mrdamp.gap.scenario import CRITERIA, Options, Progress, Scenario, relative_error, with_range
 from mrdamp.model import Model
 from mrdamp.simulation.criteria import Criteria
 

@@ -20,7 +20,7 @@ from mrdamp.errors import InputError, require_period
 from mrdamp.files import read_json, write_atomic
 from mrdamp.inverse.base import Extrapolation
 from mrdamp.model.core import Array
-from mrdamp.narx import layers as nn
+from mrdamp.narx import network as nn
 from mrdamp.narx.bayes import minimise
 from mrdamp.narx.data import Series, check
 from mrdamp.narx.network import Network

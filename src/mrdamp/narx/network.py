@@ -1,17 +1,111 @@
-"""A NARX network as data: inputs, scaling and weights; its passes, its free run and the plugin's text."""
+"""A NARX network as data: inputs, scaling and weights; its passes, its free run and the plugin's text.
+
+Weights are one vector theta (M,): layer by layer the matrix (rows, cols) row by row, then the bias (rows,). The
+arithmetic is in scaled units: tanh layers and a linear output, with exact derivatives.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from mrdamp.errors import InputError
 from mrdamp.model import core
 from mrdamp.model.core import Array
-from mrdamp.narx import layers as nn
+
+Shape = tuple[int, int]
+
+
+def shapes(inputs: int, hidden: Sequence[int]) -> list[Shape]:
+    """(rows, cols) of every layer, the output's last."""
+    widths = [inputs, *hidden, 1]
+    return [(rows, cols) for cols, rows in pairwise(widths)]
+
+
+def count(inputs: int, hidden: Sequence[int]) -> int:
+    """Number of weights and biases M."""
+    return sum(rows * (cols + 1) for rows, cols in shapes(inputs, hidden))
+
+
+def unpack(theta: Array, inputs: int, hidden: Sequence[int]) -> list[tuple[Array, Array]]:
+    """Views of theta: (weight (rows, cols), bias (rows,)) per layer."""
+    out, k = [], 0
+    for rows, cols in shapes(inputs, hidden):
+        bias = k + rows * cols
+        out.append((theta[k:bias].reshape(rows, cols), theta[bias : bias + rows]))
+        k = bias + rows
+    return out
+
+
+def pack(layers: Sequence[tuple[Array, Array]]) -> Array:
+    """The vector that `unpack` takes apart."""
+    return np.concatenate([part for weight, bias in layers for part in (weight.ravel(), bias)])
+
+
+def output(layers: Sequence[tuple[Array, Array]], a: Array) -> Array:
+    """Scaled output (N,) of scaled inputs (N, inputs)."""
+    for weight, bias in layers[:-1]:
+        a = np.tanh(a @ weight.T + bias)
+    weight, bias = layers[-1]
+    return np.asarray(a @ weight[0] + bias[0])
+
+
+def derivatives(
+    layers: Sequence[tuple[Array, Array]], a: Array, columns: Sequence[int] = ()
+) -> tuple[Array, Array, Array]:
+    """Output with its exact derivatives, by backpropagation for all samples at once.
+
+    Args:
+        layers: as from `unpack`.
+        a: scaled inputs (N, inputs).
+        columns: inputs whose derivatives are wanted too.
+
+    Returns:
+        y (N,), dy/dtheta (N, M), dy/da of the columns (N, len(columns)).
+    """
+    n = len(a)
+    values = [a]
+    for weight, bias in layers[:-1]:
+        values.append(np.tanh(values[-1] @ weight.T + bias))
+    last, bias = layers[-1]
+    y = values[-1] @ last[0] + bias[0]
+    jacobian = np.empty((n, sum(w.size + b.size for w, b in layers)))
+    end = jacobian.shape[1]
+    delta = np.ones((n, 1))  # dy / d(what goes into the layer's tanh)
+    for k in range(len(layers) - 1, -1, -1):
+        weight, bias = layers[k]
+        rows, cols = weight.shape
+        start = end - rows * (cols + 1)
+        jacobian[:, end - rows : end] = delta
+        target = jacobian[:, start : end - rows].reshape(n, rows, cols, copy=False)
+        np.multiply(delta[:, :, None], values[k][:, None, :], out=target)
+        if k:
+            delta = (delta @ weight) * (1.0 - values[k] ** 2)
+        end = start
+    chosen = np.asarray(list(columns), dtype=int)
+    return y, jacobian, delta @ layers[0][0][:, chosen]
+
+
+def nguyen_widrow(inputs: int, hidden: Sequence[int], rng: np.random.Generator) -> Array:
+    """Starting weights (M,) that spread the units' active ranges over inputs in [-1, 1].
+
+    Nguyen and Widrow, IJCNN 1990, doi 10.1109/IJCNN.1990.137819; the output starts small.
+    """
+    parts: list[tuple[Array, Array]] = []
+    for rows, cols in shapes(inputs, hidden)[:-1]:
+        size = 0.7 * rows ** (1.0 / cols)
+        weight = rng.uniform(-1.0, 1.0, (rows, cols))
+        weight *= size / np.linalg.norm(weight, axis=1, keepdims=True)
+        parts.append((weight, size * np.linspace(-1.0, 1.0, rows) * np.sign(weight[:, 0]) if rows > 1
+                      else np.zeros(1)))  # fmt: skip
+    width = hidden[-1] if hidden else inputs
+    parts.append((rng.uniform(-0.5, 0.5, (1, width)) / np.sqrt(width), np.zeros(1)))
+    return pack(parts)
+
 
 Input = tuple[str, int]
 
@@ -31,7 +125,7 @@ class Network:
         offset, scale: (inputs,), in the unit of the input and its reciprocal.
         force_offset, force_scale: N.
         hidden: units per hidden layer, none to two layers.
-        theta: (M,) weights, in the order of `mrdamp.narx.layers`.
+        theta: (M,) weights, layer by layer as `unpack` takes them.
 
     Raises:
         InputError: an input, a number of layers or units, or an array that does not fit.
@@ -50,7 +144,7 @@ class Network:
         check_inputs(self.inputs)
         check_hidden(self.hidden)
         n = len(self.inputs)
-        for name, size in (("offset", n), ("scale", n), ("theta", nn.count(n, self.hidden))):
+        for name, size in (("offset", n), ("scale", n), ("theta", count(n, self.hidden))):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.shape != (size,) or not np.isfinite(array).all():
                 raise InputError(f"network: {name} has shape {array.shape}; allowed: ({size},), finite")
@@ -60,7 +154,7 @@ class Network:
     @cached_property
     def layers(self) -> list[tuple[Array, Array]]:
         """(weight, bias) per layer."""
-        return nn.unpack(self.theta, len(self.inputs), self.hidden)
+        return unpack(self.theta, len(self.inputs), self.hidden)
 
     @property
     def max_lag(self) -> int:
@@ -92,7 +186,7 @@ class Network:
 
     def forward(self, values: Array) -> Array:
         """Force (N,) in newton of N inputs (N, inputs) in physical units."""
-        return nn.output(self.layers, self.scaled(values)) * self.force_scale + self.force_offset
+        return output(self.layers, self.scaled(values)) * self.force_scale + self.force_offset
 
     def to_text(self) -> str:
         """The plugin's weights file, every digit kept."""
@@ -123,7 +217,7 @@ class Network:
         found["offset"], found["scale"] = _take(words, n + 1)[1:], _take(words, n + 1)[1:]
         found["force"] = _take(words, 3)[1:]
         hidden = tuple(int(word) for word in _take(words, int(_take(words, 2)[1])))
-        for rows, cols in nn.shapes(n, hidden):
+        for rows, cols in shapes(n, hidden):
             theta += map(float, _take(words, rows * cols + 1)[1:])
             theta += map(float, _take(words, rows + 1)[1:])
         number = {key: np.array([float(word) for word in value]) for key, value in found.items()}

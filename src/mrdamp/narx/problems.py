@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.model.core import Array
-from mrdamp.narx import layers as nn
+from mrdamp.narx import network as nn
 from mrdamp.narx.data import Series
 from mrdamp.narx.network import Network
 

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from mrdamp.errors import InputError
 from mrdamp.identify import pooled
 from mrdamp.model.core import Array
-from mrdamp.narx import layers as nn
+from mrdamp.narx import network as nn
 from mrdamp.narx.bayes import Posterior, minimise
 from mrdamp.narx.data import Series
 from mrdamp.narx.evaluation import START, free_run_error, one_step_error

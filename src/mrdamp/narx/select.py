@@ -5,10 +5,10 @@ Three searches after each other: input sets at given lags and units, then the la
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -19,10 +19,10 @@ from mrdamp.identify import pooled
 from mrdamp.narx.bayes import minimise
 from mrdamp.narx.data import Series, lagged
 from mrdamp.narx.evaluation import free_run_error, one_step_error
-from mrdamp.narx.layers import nguyen_widrow
+from mrdamp.narx.network import nguyen_widrow
 from mrdamp.narx.problems import OneStep
-from mrdamp.narx.train import Checkpoint, best_stage, blank, fingerprint, refine
-from mrdamp.parallel import Progress, mapped, silent
+from mrdamp.narx.train import best_stage, blank, fingerprint, refine
+from mrdamp.parallel import Kept, Progress, finished, silent
 from mrdamp.pictures import style
 
 SETS = ("xv", "xF", "vF", "xvF")  # Fig. 6
@@ -58,6 +58,16 @@ class Trial:
         """The medians over the same candidate trained from several seeds."""
         numbers = {name: float(np.median([getattr(t, name) for t in seeds])) for name in _NUMBERS}
         return cls(seeds[0].candidate, **numbers, weights=seeds[0].weights, seeds=tuple(seeds))
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON, of one seed."""
+        return {name: getattr(self, name) for name in ("candidate", *_NUMBERS, "weights")}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Trial:
+        """From `to_dict`."""
+        channels, lags, hidden = data["candidate"]
+        return cls(**{**data, "candidate": Candidate(channels, lags, tuple(hidden))})
 
     def score(self, by: str) -> float:
         """The validation error that is chosen by; a run away counts as infinite."""
@@ -171,24 +181,25 @@ def select(
     if sets is None:
         varies = np.ptp(np.concatenate([s.i for s in train])) > 0.0
         sets = SETS_CURRENT if varies else SETS
-    store = Checkpoint(cache, fingerprint((train, validation), "select", asdict(effort)))
+    store, mark = Kept(cache), fingerprint((train, validation), "select", asdict(effort))
     total = (len(sets) + len(lags) + len(units)) * seeds
     done, say = 0, progress or silent
 
     def search(what: str, candidates: Sequence[Candidate]) -> tuple[Trial, ...]:
         nonlocal done
-        pairs = [(c, seed + k) for c in dict.fromkeys(candidates) for k in range(seeds)]
-        found = {pair: trial for pair in pairs if (trial := _get(store, *pair)) is not None}
-        missing = [pair for pair in pairs if pair not in found]
-        jobs = [(c, train, validation, effort, k) for c, k in missing]
-        done += len(pairs) - len(missing)
-        say(f"{what}: {len(missing)} to train", done / total)
-        for pair, trial in zip(missing, mapped(try_candidate, jobs, workers), strict=True):
-            _put(store, trial, pair[1])
-            found[pair] = trial
-            done += 1
-            say(f"{what}: {_name(what, trial.candidate)}", done / total)
-        return tuple(Trial.over([found[c, seed + k] for k in range(seeds)]) for c in candidates)
+        jobs = {
+            f"{mark} {_id(c)} {seed + k}": (c, train, validation, effort, seed + k)
+            for c in dict.fromkeys(candidates)
+            for k in range(seeds)
+        }
+
+        def tell(count: int, made: Trial | None) -> None:
+            told = name_of(what, made.candidate) if made else f"{len(jobs) - count} to train"
+            say(f"{what}: {told}", (done + count) / total)
+
+        found = finished(try_candidate, jobs, store, workers, tell, Trial.to_dict, Trial.from_dict)
+        done += len(jobs)
+        return tuple(Trial.over([found[f"{mark} {_id(c)} {seed + k}"] for k in range(seeds)]) for c in candidates)
 
     by_inputs = search("inputs", [Candidate(c, first.lags, first.hidden) for c in sets])
     channels = min(by_inputs, key=lambda t: t.score(by)).candidate.channels
@@ -214,7 +225,7 @@ def draw_choice(choice: Choice) -> Figure:
                       marker=style.MARKERS[j], ms=3.5, label=label)  # fmt: skip
         spans = 100.0 * np.minimum([t.span(choice.by) for t in trials], 10.0)
         axes.fill_between(range(len(trials)), *spans.T, color=style.REFERENCE, alpha=0.3, lw=0)
-        labels = [_name(what, t.candidate) for t in trials]
+        labels = [name_of(what, t.candidate) for t in trials]
         every = max(1, -(-len(labels) // 13))
         axes.set_xticks(range(0, len(labels), every), labels[::every])
         style.log_percent(axes)
@@ -235,26 +246,10 @@ _LINES = (
 )
 
 
-def _name(what: str, c: Candidate) -> str:
+def name_of(what: str, c: Candidate) -> str:
+    """Of a candidate in a search: what differs."""
     return {"inputs": c.channels, "lags": str(c.lags)}.get(what, "-".join(map(str, c.hidden)))
 
 
 def _id(c: Candidate) -> str:
     return f"{c.channels} {c.lags} {'-'.join(map(str, c.hidden))}"
-
-
-def _put(store: Checkpoint, trial: Trial, seed: int) -> None:
-    numbers = {key: getattr(trial, key) for key in (*_NUMBERS, "weights")}
-    store.put(f"{_id(trial.candidate)} {seed}", numbers)
-
-
-def _get(store: Checkpoint, c: Candidate, seed: int) -> Trial | None:
-    numbers = store.get(f"{_id(c)} {seed}")
-    if numbers is None:
-        return None
-    try:
-        return Trial(c, **numbers)
-    except TypeError as error:
-        raise InputError(
-            f"a finished trial cannot be read ({error}); delete the file to begin anew"
-        ) from None

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,48 +14,17 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.errors import InputError
-from mrdamp.files import decode, read_bytes, write_atomic
 from mrdamp.identify import pooled
 from mrdamp.model import Model
-from mrdamp.narx import layers as nn
+from mrdamp.narx import network as nn
 from mrdamp.narx.bayes import Posterior, minimise
 from mrdamp.narx.data import Series, check, scaling
 from mrdamp.narx.evaluation import START, Evaluation, evaluate, free_run_error, one_step_error
 from mrdamp.narx.network import Input, Network, check_hidden, check_inputs
 from mrdamp.narx.problems import FreeRun, OneStep
-from mrdamp.parallel import Progress, mapped, silent
+from mrdamp.parallel import Kept, Progress, finished, silent
 
 _FORMAT = 1
-
-
-class Checkpoint:
-    """Results by name, in memory and, where there is a path, in a file that is rewritten whole after each.
-
-    key: fingerprint of everything besides the name that a result depends on; results of other keys in the file are
-    kept, and not found. Raises InputError for a file of another kind.
-    """
-
-    def __init__(self, path: Path | str | None, key: str) -> None:
-        self.path, self.key = None if path is None else Path(path), key
-        self._all: dict[str, dict[str, Any]] = {}
-        if self.path is not None and self.path.exists():
-            try:
-                data = json.loads(decode(str(self.path), read_bytes(self.path)))
-                self._all = {name: dict(value) for name, value in data["trials"].items()}
-            except (ValueError, KeyError, TypeError, AttributeError) as error:
-                raise InputError(
-                    f"{self.path}: no file of finished trials ({error}); delete it to begin anew"
-                ) from None
-
-    def get(self, name: str) -> dict[str, Any] | None:
-        """A finished result; None where there is none."""
-        return self._all.get(f"{self.key} {name}")
-
-    def put(self, name: str, result: Mapping[str, Any]) -> None:
-        """Keeps a result: numbers, words and lists of them."""
-        self._all[f"{self.key} {name}"] = dict(result)
-        if self.path is not None:
-            write_atomic(self.path, json.dumps({"format": _FORMAT, "trials": self._all}) + "\n")
 
 
 def fingerprint(parts: Sequence[Sequence[Series]], *more: object) -> str:
@@ -195,8 +165,8 @@ def train_narx(
     chosen = list(validation) or list(train)
     rate = score or (lambda net: pooled([free_run_error(net, s) for s in chosen]))
     shape = [list(map(list, inputs)), list(hidden), seed, most, one_step_iterations, iterations]
-    run = _Run(network, train, most, Checkpoint(cache, fingerprint((train,), "train", *shape)), workers,
-               progress or silent)  # fmt: skip
+    mark = fingerprint((train,), "train", *shape)
+    run = _Run(network, train, most, Kept(cache), mark, workers, progress or silent)
     starts = run.starts(initialisations, seed, one_step_iterations, 0.5 if horizons else 1.0)
     order = sorted(range(len(starts)), key=lambda k: -starts[k].log_evidence)[:refined]
     chains = [starts[k] for k in order]
@@ -230,12 +200,14 @@ def train_narx(
 
 @dataclass(frozen=True)
 class _Run:
-    """What all parts of one training share; finished parts are taken from the store."""
+    """What all parts of one training share; finished parts are taken from the store, where their names begin with the
+    mark."""
 
     network: Network
     train: Sequence[Series]
     most: int | None
-    store: Checkpoint
+    store: Kept
+    mark: str
     workers: int
     progress: Progress
 
@@ -247,7 +219,7 @@ class _Run:
             for k in range(number)
         }
 
-        def say(done: int) -> None:
+        def say(done: int, _: Posterior | None) -> None:
             self.progress(f"one step ahead, start {min(done + 1, number)} of {number}", share * done / number)
 
         return self._all(_start, jobs, problem, say)
@@ -264,18 +236,12 @@ class _Run:
 
     def _all(
         self, work: Callable[..., Posterior], jobs: Mapping[str, tuple[Any, ...]], problem: OneStep | FreeRun,
-        say: Callable[[int], None] = lambda done: None,
+        say: Callable[[int, Posterior | None], None] = lambda done, made: None,
     ) -> list[Posterior]:  # fmt: skip
         """What `work` makes of each job, in order; finished ones from the store."""
-        found = {name: p for name in jobs if (p := _read(self.store.get(name), problem)) is not None}
-        missing = [name for name in jobs if name not in found]
-        say(len(found))
-        results = mapped(work, [jobs[name] for name in missing], self.workers)
-        for name, posterior in zip(missing, results, strict=True):
-            found[name] = posterior
-            self.store.put(name, _kept(posterior))
-            say(len(found))
-        return [found[name] for name in jobs]
+        marked = {f"{self.mark} {name}": job for name, job in jobs.items()}
+        unpack = partial(_read, problem)
+        return list(finished(work, marked, self.store, self.workers, say, _kept, unpack).values())
 
 
 def _start(
@@ -298,13 +264,8 @@ def _kept(posterior: Posterior) -> dict[str, Any]:
     return {"theta": posterior.theta.tolist()} | {name: getattr(posterior, name) for name in _SMALL}
 
 
-def _read(found: Mapping[str, Any] | None, problem: OneStep | FreeRun) -> Posterior | None:
-    if found is None:
-        return None
-    try:
-        theta = np.array(found["theta"], dtype=np.float64)
-        with threadpool_limits(limits=1):
-            normal = problem.normal(theta)[0]
-        return Posterior(theta=theta, normal=normal, **{name: found[name] for name in _SMALL})
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise InputError(f"a finished part of a training cannot be read ({error}); delete the file") from None
+def _read(problem: OneStep | FreeRun, found: Mapping[str, Any]) -> Posterior:
+    theta = np.array(found["theta"], dtype=np.float64)
+    with threadpool_limits(limits=1):
+        normal = problem.normal(theta)[0]
+    return Posterior(theta=theta, normal=normal, **{name: found[name] for name in _SMALL})

@@ -18,9 +18,8 @@ from mrdamp.model.attributes import attribute_index, attributes, check, law_opti
 from mrdamp.model.attributes import laws as law_names
 from mrdamp.model.core import Array
 from mrdamp.model.native import library
-from mrdamp.warp.convert import Converted, convert
+from mrdamp.warp.convert import Converted, Reading, Worlds, convert, sizes
 from mrdamp.warp.kernels import add_damping, along, forces_on_joints, moment_of
-from mrdamp.warp.native import Reading, Worlds, sizes
 
 
 @dataclass
