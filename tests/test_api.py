@@ -21,7 +21,7 @@ from nbformat import NotebookNode
 import mrdamp
 from command_call import caller
 from mrdamp import api
-from mrdamp.commands.compare import add_to as add_compare
+from mrdamp.commands.controllers import add_to as add_compare
 from mrdamp.commands.identify import add_to as add_identify
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare

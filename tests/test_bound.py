@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from command_call import caller
-from mrdamp.commands.compare import add_to
+from mrdamp.commands.controllers import add_to
 from mrdamp.compare import Comparison, Contender, FrameBench, compare
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, Measure

@@ -14,10 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp import cli, sets
+from mrdamp import cli, demo, sets
 from mrdamp.cli import script
 from mrdamp.commands import progress_bar
-from mrdamp.demo import run as demo
 from mrdamp.model import Model
 from mrdamp.model.citations import citation
 from mrdamp.records import embedded, read_record

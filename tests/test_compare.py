@@ -14,7 +14,7 @@ import pytest
 
 from command_call import caller
 from env_arguments import OWN
-from mrdamp.commands.compare import add_to
+from mrdamp.commands.controllers import add_to
 from mrdamp.compare import Contender, FrameBench, compare, contenders, tuning
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, coil, score

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from command_call import caller
-from mrdamp.commands.compare import add_to
+from mrdamp.commands.controllers import add_to
 from mrdamp.compare.benches import scaled
 from mrdamp.compare.comparison import difference, interval, summarise
 from mrdamp.compare.dyke1996 import frame_model

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from command_call import caller
-from mrdamp.commands import calibrate, identify, table1
+from mrdamp.commands import calibrate, identify
 from mrdamp.identify import simulate
 from mrdamp.model import Model
 from mrdamp.records import Record, read_record, read_records
@@ -19,7 +19,7 @@ from mrdamp.simulation.predict import predict
 from refusals import refuses
 from sine_records import grid, straight
 
-run = caller(identify.add_to, table1.add_to, calibrate.add_to)
+run = caller(identify.add_to, calibrate.add_to)
 
 
 def run_bingham(folder: Path, *arguments: str | Path) -> int:

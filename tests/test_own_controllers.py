@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 
 from command_call import caller
 from env_arguments import OWN as ISOLATED
-from mrdamp.commands.compare import add_to
+from mrdamp.commands.controllers import add_to
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare
 from mrdamp.compare.contenders import contenders

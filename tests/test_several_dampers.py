@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from command_call import caller
-from mrdamp.commands import compare, train
+from mrdamp.commands import controllers
 from mrdamp.compare.contenders import contenders
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
@@ -57,12 +57,7 @@ class Three(Two):
 '''
 
 
-def add_to(commands: Any) -> None:
-    compare.add_to(commands)
-    train.add_to(commands)
-
-
-run = caller(add_to)
+run = caller(controllers.add_to)
 
 
 @pytest.fixture(scope="module")
@@ -220,10 +215,10 @@ def test_what_is_trained_on_a_users_frame_is_compared_on_it(
 
 def test_the_pages_command_is_the_one_that_was_given() -> None:
     parser = argparse.ArgumentParser()
-    add_to(parser.add_subparsers())
+    controllers.add_to(parser.add_subparsers())
     given = "compare frame --controllers a b=c:d=1 --motions x y --speed 12.5 --amplitudes 0.25 1 --compression 2"
     given += " --model m.json --dampers 0-1 1-2 --told t.json --spread 2.5 9 --command-unit V --period 2 --engine chain"
     for call in (f"{given} --bound 3 -o out", "compare cable -o out"):
         a = parser.parse_args(call.split())
-        again = parser.parse_args(shlex.split(compare._command(a))[1:])
+        again = parser.parse_args(shlex.split(controllers._command(a))[1:])
         assert {k: str(v) for k, v in vars(again).items()} == {k: str(v) for k, v in vars(a).items()}

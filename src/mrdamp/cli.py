@@ -17,17 +17,16 @@ from mrdamp.commands import (
     Parser,
     Run,
     add_command,
+    add_json,
     calibrate,
+    controllers,
     diagnosis,
+    identify,
     inverse,
     named_model,
     progress_bar,
     records,
-    table1,
 )
-from mrdamp.commands import compare as comparing
-from mrdamp.commands import identify as identification
-from mrdamp.commands import train as training
 from mrdamp.errors import EngineError, InputError, first_line
 from mrdamp.interrupts import unguard
 from mrdamp.outside import NAMED
@@ -100,13 +99,11 @@ def build_parser() -> argparse.ArgumentParser:
         "-o", "--out", type=OutFolder, default="out/demo", help="folder to write (default: %(default)s)"
     )
 
-    identification.add_to(commands)
-    table1.add_to(commands)
+    identify.add_to(commands)
     calibrate.add_to(commands)
     diagnosis.add_to(commands)
     inverse.add_to(commands)
-    comparing.add_to(commands)
-    training.add_to(commands)
+    controllers.add_to(commands)
 
     about = "a model's free run over a record's inputs"
     predict = add("predict", _predict, about, "mrdamp predict model.json record.csv -o pred.csv")
@@ -131,7 +128,7 @@ def build_parser() -> argparse.ArgumentParser:
 
     sets = add("sets", _sets, "list the published parameter sets", "mrdamp sets")
     sets.add_argument("name", nargs="?", help="print this one as a model file")
-    sets.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
+    add_json(sets)
     sets.add_argument("--include", action="store_true", help="print the path of the set's MJCF, for <include>")
 
     records.add_to(commands)
@@ -141,7 +138,7 @@ def build_parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     cite.add_argument("name", nargs="?", help="law or parameter set (default: every law)")
     cite.add_argument("--bibtex", action="store_true", help="the law's sources as BibTeX")
-    cite.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
+    add_json(cite)
     plugin_path = add("plugin-path", _plugin_path, "print where the plugin library lies", "mrdamp plugin-path")
     plugin_path.add_argument("--include", action="store_true", help="print the folder of mrdamp.h, the C interface")
     complete = add(

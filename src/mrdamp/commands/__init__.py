@@ -232,6 +232,13 @@ def add_json(p: argparse.ArgumentParser) -> None:
     p.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
 
 
+def add_jobs(p: argparse.ArgumentParser, *aliases: str, default: int | None = 1) -> None:
+    """Adds `--jobs`; -1 and None are all cores."""
+    usual = "all cores" if default in (-1, None) else default
+    about = f"processes; the answer is the same (default: {usual})"
+    p.add_argument("--jobs", *aliases, type=int, default=default, metavar="N", help=about)
+
+
 def add_signals(p: argparse.ArgumentParser) -> None:
     """Adds what is done to the measured signals before a fit."""
     p.add_argument(

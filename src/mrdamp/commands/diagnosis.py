@@ -10,7 +10,16 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from mrdamp.commands import HOLD, OutFolder, add_command, named_model, progress_bar, seed, show_progress
+from mrdamp.commands import (
+    HOLD,
+    OutFolder,
+    add_command,
+    add_jobs,
+    named_model,
+    progress_bar,
+    seed,
+    show_progress,
+)
 from mrdamp.errors import InputError
 
 
@@ -49,13 +58,7 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("case", type=Path, help="folder with a case.json and its records")
     p.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write")
-    p.add_argument(
-        "--jobs",
-        type=int,
-        default=None,
-        metavar="N",
-        help="processes; the answer is the same (default: all cores)",
-    )
+    add_jobs(p, default=None)
 
     p = add_command(
         commands,
@@ -76,9 +79,7 @@ def add_to(commands: Any) -> None:
         metavar="SHARE",
         help="change of the simulator's residual over the RMS force (default: 0.02 0.05 0.15 0.4)",
     )
-    p.add_argument(
-        "--jobs", type=int, default=1, metavar="N", help="processes; the answer is the same (default: %(default)s)"
-    )
+    add_jobs(p)
     p.add_argument(
         "--seed", type=seed, default=0, help="of the effects' signs and shapes (default: %(default)s)"
     )
@@ -225,9 +226,7 @@ def add_options(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--loads", type=int, default=4, help="unseen motions (default: %(default)s)")
     p.add_argument("--seed", type=seed, default=1, help="of random numbers (default: %(default)s)")
-    p.add_argument(
-        "--jobs", type=int, default=2, metavar="N", help="processes; the answer is the same (default: %(default)s)"
-    )
+    add_jobs(p, default=2)
 
 
 def run_gap(a: argparse.Namespace) -> int:

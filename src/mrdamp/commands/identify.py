@@ -1,10 +1,11 @@
-"""The command `mrdamp identify`."""
+"""The commands `mrdamp identify` and `mrdamp table1`."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import (
@@ -12,6 +13,7 @@ from mrdamp.commands import (
     OutFile,
     Picture,
     add_command,
+    add_jobs,
     add_json,
     add_records,
     add_signals,
@@ -24,7 +26,7 @@ from mrdamp.commands import (
     save_picture,
     show_progress,
 )
-from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, reporting
+from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, of_table, reporting
 from mrdamp.commands.narx import (
     add_narx_options,
     add_protocol_options,
@@ -50,7 +52,7 @@ AUTO = "auto"
 
 
 def add_to(commands: Any) -> None:
-    """Adds `identify`."""
+    """Adds them."""
     about = "fit a law, or a network, to records; evaluated in free run on held-out records"
     example = "mrdamp identify records/ --law bouc_wen --intervals -o model.json"
     p = add_command(commands, "identify", reporting(run_identify), about, example)
@@ -83,14 +85,7 @@ def add_to(commands: Any) -> None:
         choices=HOLD,
         help="hold the command between samples, or interpolate linearly (default: what fits better)",
     )
-    p.add_argument(
-        "--jobs",
-        "--workers", dest="workers",
-        type=int,
-        default=1,
-        metavar="N",
-        help="processes; the answer is the same (default: %(default)s)",
-    )
+    add_jobs(p, "--workers")
     p.add_argument(
         "--picture",
         type=Picture,
@@ -102,6 +97,31 @@ def add_to(commands: Any) -> None:
     add_json(p)
     add_protocol_options(p)
     add_narx_options(p)
+    _add_table1(commands)
+
+
+def _add_table1(commands: Any) -> None:
+    p = add_command(
+        commands,
+        "table1",
+        reporting(run_table1),
+        "Bingham, Bouc-Wen, hyperbolic tangent and a network on one record set: the foam-damper paper's Table 1",
+        "mrdamp table1 foam --condition sine_4.0Hz_8.0mm_3.0V --follows paper --zero-mean --cutoff 80 --cutoff-force",
+    )
+    add_records(p)
+    p.add_argument("--dependence", help="how coefficients follow the command (default: linear)")
+    p.add_argument(
+        "--network", type=Path, help="model file of a network (default: the paper's 10-4-1 is trained)"
+    )
+    p.add_argument("--no-network", action="store_true", help="leave the network out")
+    add_jobs(p, "--workers")
+    p.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
+    p.add_argument("--picture", type=Picture, help="loops of all models (.svg, .png or .pdf)")
+    p.add_argument(
+        "--condition", metavar="RECORD", help="one held-out record, of which one cycle is used, as in the paper"
+    )
+    add_json(p)
+    add_signals(p)
 
 
 def run_identify(a: argparse.Namespace) -> dict[str, Any]:
@@ -123,7 +143,7 @@ def run_identify(a: argparse.Namespace) -> dict[str, Any]:
     warnings = warnings_of(records.records)
     for warning in warnings:
         print(f"check: {warning}", flush=True)
-    if a.starts < 1 or a.resamples < 20 or a.workers < 1:
+    if a.starts < 1 or a.resamples < 20 or a.jobs < 1:
         raise InputError("--starts and --jobs must be at least 1 and --resamples at least 20")
     report = {"model": str(a.out), "warnings": warnings, **_identified(a, records)}
     if a.norms:
@@ -183,7 +203,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         fit = identify(a.law, records.train, records.held_out, dependence=a.dependence, **common)
     check_explained(records.train, fit.train_nrmse)
     if auto:
-        form = form_of(fit.model, records.train, threads=a.workers, progress=show_progress)
+        form = form_of(fit.model, records.train, threads=a.jobs, progress=show_progress)
         print("\n".join(form.lines()))
         fit = form.applied(fit, records)
     print(f"{a.law}: free-run error over the force's standard deviation:")
@@ -310,7 +330,7 @@ def _norms(a: argparse.Namespace, records: RecordSet) -> Sequence[RecordNorms]:
 def _intervals(a: argparse.Namespace, fit: Fit, records: RecordSet) -> Sequence[Interval]:
     from mrdamp.identify.intervals import intervals
 
-    rows = intervals(fit, records.train, resamples=a.resamples, refit=a.refit, seed=a.seed, workers=a.workers)
+    rows = intervals(fit, records.train, resamples=a.resamples, refit=a.refit, seed=a.seed, workers=a.jobs)
     print(f"{'parameter':>20s} {'value':>12s} {'95 % from':>12s} {'to':>12s}  unit")
     for row in rows:
         word = f"  not identifiable: {row.word}" if row.word else ""
@@ -323,3 +343,47 @@ def _intervals(a: argparse.Namespace, fit: Fit, records: RecordSet) -> Sequence[
 def _errors(errors: Sequence[RecordError], half: str) -> None:
     for error in errors:
         print(f"  {error.record:40s} {half:8s} {error.rmse:9.1f} N  {error.nrmse:6.3f}")
+
+
+def run_table1(a: argparse.Namespace) -> dict[str, Any]:
+    """Prints the table and writes the picture; returns what `--json` prints."""
+    from mrdamp.identify.comparison import judged_records, network_forces, paper_network, table_1
+    from mrdamp.model import Model
+
+    if a.starts < 1 or a.jobs < 1:
+        raise InputError("--starts and --jobs must be at least 1")
+    if a.follows not in (None, ["paper"]):
+        raise InputError("--follows takes names of one law's coefficients; of a table: paper")
+    records = read(a)
+    judged = judged_records(records, a.condition)
+    others = {}
+    if a.network:
+        network = Model.read(a.network)
+        if network.law != "narx" or a.no_network:
+            raise InputError(f"{a.network}: law {network.law}; --network takes a network (narx), without --no-network")
+        others = network_forces(network, judged)
+    elif not a.no_network:
+        with progress_bar() as progress:
+            network = paper_network(records, seed=a.seed, workers=a.jobs, progress=progress).model
+        others = network_forces(network, judged)
+    table = table_1(
+        records,
+        others=others,
+        condition=a.condition,
+        extras=a.extras,
+        dependence=a.dependence,
+        paper_follows=a.follows is not None,
+        starts=a.starts,
+        seed=a.seed,
+        progress=show_progress,
+    )
+    where = f"one cycle of {a.condition}" if a.condition else f"{len(judged)} held-out records"
+    print(f"{records.name}: free run on {where}; E_x and E_v in the paper's cm")
+    print(f"{'model':24s} {'E_t':>8s} {'E_x':>8s} {'E_v':>8s} {'NRMSE':>8s}   {'paper':>9s}")
+    for row in table.rows:
+        n, p = row.norms, row.paper
+        paper = f"{p.e_t:9.4f} {p.e_x:8.4f} {p.e_v:8.4f}" if p else ""
+        print(f"{row.model:24s} {n.e_t:8.4f} {n.e_x:8.4f} {n.e_v:8.4f} {row.nrmse:8.4f}   {paper}")
+    if a.picture:
+        save_picture(table.picture(), a.picture)
+    return of_table(table)

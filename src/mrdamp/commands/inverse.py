@@ -12,6 +12,8 @@ from mrdamp.commands import (
     OutFolder,
     Picture,
     add_command,
+    add_jobs,
+    add_json,
     named_model,
     progress_bar,
     refuse_unused,
@@ -55,12 +57,11 @@ def add_to(commands: Any) -> None:
                    help="its frequencies with --stroke, Hz (default: 0.5 5)")  # fmt: skip
     p.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)s)")
     p.add_argument("--seed", type=seed, default=0, help="of random numbers (default: %(default)s)")
-    p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1, metavar="N",
-                   help="processes; the answer is the same (default: %(default)s)")  # fmt: skip
+    add_jobs(p, "--workers")
     p.add_argument("--command-unit", choices=("A", "V"),
                    help="of the command (default: that of a parameter set, else A)")  # fmt: skip
     p.add_argument("--picture", type=Picture, help="wanted and true force (.svg, .png or .pdf)")
-    p.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
+    add_json(p)
     p.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write")
 
 
@@ -90,7 +91,7 @@ def run_inverse(a: argparse.Namespace) -> int:
         result = trial(
             named_model(a.model), plant=named_model(a.plant) if a.plant else None, records=records, law=a.law,
             network=network, exact=a.exact, commands=tuple(a.commands) if a.commands else None, motion=motion,
-            seconds=a.seconds, seed=a.seed, workers=a.workers, progress=progress,
+            seconds=a.seconds, seed=a.seed, workers=a.jobs, progress=progress,
         )  # fmt: skip
     of_set = not Path(a.model).exists() and a.model in sets.names()
     unit = a.command_unit or (sets.load(a.model).command.unit if of_set else "A")

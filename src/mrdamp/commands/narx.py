@@ -134,7 +134,7 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
         horizons=() if a.one_step_only else HORIZONS,
         seed=a.seed,
         score=splits.score if splits.whole else None,
-        workers=a.workers,
+        workers=a.jobs,
         cache=cache,
         progress=progress,
     )
@@ -183,7 +183,7 @@ def _select(a: argparse.Namespace, splits: DataSplit, cache: Path, progress: Pro
         by=a.by,
         seed=a.seed,
         seeds=a.seeds,
-        workers=a.workers,
+        workers=a.jobs,
         cache=cache,
         progress=lambda what, share: progress(f"choice of {what}", share),
     )

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import OutFolder, add_command, check_written
+from mrdamp.commands import OutFolder, add_command, add_json, check_written, progress_bar
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def add_to(commands: Any) -> None:
     p.add_argument("name", nargs="?", help="details of this set")
     p.add_argument("--fetch", action="store_true", help="fetch it from its public source, checked by hash")
     p.add_argument("--folder", type=Path, help="folder, in place of MRDAMP_DATA")
-    p.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
+    add_json(p)
 
 
 def run_convert(a: argparse.Namespace) -> int:
@@ -109,7 +109,6 @@ def _summary(one: Converted) -> str:
 
 def run_datasets(a: argparse.Namespace) -> int:
     """Lists, describes or fetches."""
-    from mrdamp.commands import progress_bar
     from mrdamp.datasets import CATALOGUE, data_folder, fetch, found
     from mrdamp.datasets.catalogue import dataset
 

@@ -8,25 +8,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from mrdamp.compare import tables
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Load
 from mrdamp.compare.comparison import Comparison, Summary, difference
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import SAMPLE_TIME, FrameBench
-from mrdamp.compare.tables import (
-    claims,
-    differences_csv,
-    intervals,
-    load_shares,
-    means,
-    means_csv,
-    paths_csv,
-    report,
-    runs_csv,
-    shares,
-    shares_csv,
-    spread,
-    to_json,
-)
 from mrdamp.files import write_atomic
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
@@ -53,13 +39,13 @@ def write_comparison(
     loads: those of the result; command: what made it.
     """
     texts = {
-        "table.md": report(result, bench, about),
-        "table.csv": means_csv(result),
-        "differences.csv": differences_csv(result),
-        "runs.csv": runs_csv(result),
-        "result.json": to_json(result, bench.command_unit, about),
+        "table.md": tables.report(result, bench, about),
+        "table.csv": tables.means_csv(result),
+        "differences.csv": tables.differences_csv(result),
+        "runs.csv": tables.runs_csv(result),
+        "result.json": tables.to_json(result, bench.command_unit, about),
     }
-    texts |= {"shares.csv": shares_csv(result), "paths.csv": paths_csv(result)} if result.bounds else {}
+    texts |= {"shares.csv": tables.shares_csv(result), "paths.csv": tables.paths_csv(result)} if result.bounds else {}
     for name, text in texts.items():
         write_atomic(folder / name, text)
     page = comparison_page(result, bench, command)
@@ -110,13 +96,13 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
             "Drift against acceleration; better is below and to the left.",
             "Mean peak acceleration over mean peak drift, a point a controller.",
         )
-    page.table("Table", *means(result, bench))
+    page.table("Table", *tables.means(result, bench))
     claimed = {key: _words(key, titles[key]) for key in bench.claimed}
-    page.table("", *intervals(result, claimed))
+    page.table("", *tables.intervals(result, claimed))
     for name in learned:
-        page.table(f"{name} less the others", *claims(result, name, claimed))
+        page.table(f"{name} less the others", *tables.claims(result, name, claimed))
     if result.others:
-        page.table("Other structures", *spread(result))
+        page.table("Other structures", *tables.spread(result))
     if result.bounds:
         _add_bounds(page, result)
     if len(result.amplitudes) > 1:
@@ -140,8 +126,8 @@ def _add_bounds(page: Page, result: Comparison) -> None:
         f"From {result.base} (0) to the best command for a motion known in advance (1); a tick is a motion.",
         f"Share of the way from {result.base} to each bound by controller.",
     )
-    page.table("", *shares(result))
-    page.table("", *load_shares(result))
+    page.table("", *tables.shares(result))
+    page.table("", *tables.load_shares(result))
     load, amplitude = _shown_case(result)
     page.figure(
         "",

@@ -4,7 +4,6 @@ None of them is part of the package. They lie in the folder of the environment v
 set with `train/` and `validation/`, files as in `mrdamp.records.channels.CHANNELS`.
 """
 
-from mrdamp.datasets.catalogue import CATALOGUE, Dataset, Source, data_folder, found, read
-from mrdamp.datasets.fetch import fetch
+from mrdamp.datasets.catalogue import CATALOGUE, Dataset, Source, data_folder, fetch, found, read
 
 __all__ = ["CATALOGUE", "Dataset", "Source", "data_folder", "fetch", "found", "read"]

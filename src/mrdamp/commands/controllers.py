@@ -1,18 +1,26 @@
-"""The command `mrdamp compare`: controllers on motions they were not tuned on, or a published table."""
+"""The commands `mrdamp compare` and `mrdamp train`.
+
+compare: controllers on motions they were not tuned on, or a published table. train: a learned controller, by an
+evolution strategy or stable-baselines3, over seeds and settings.
+"""
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import shlex
 import sys
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import (
     OutFolder,
     add_command,
+    add_jobs,
+    add_json,
     named_model,
     progress_bar,
     refuse_unused,
@@ -29,6 +37,7 @@ if TYPE_CHECKING:
     from mrdamp.compare.comparison import Comparison
     from mrdamp.compare.tuning import Setting
     from mrdamp.report import Page
+    from mrdamp.train.learn import Setting as Trained
 
 _PRESETS = "dyke1996", "cable"
 #: Options in the page's command, and those among them that have a default.
@@ -37,14 +46,21 @@ _SHOWN = (
     "command_unit", "period", "engine", "bound",
 )  # fmt: skip
 _USUAL = {"engine": "mujoco"}
+_ALGORITHMS = ("ppo", "recurrent", "sac", "td3", "a2c", "ddpg", "es", "adjoint")
+_WHOLE = "a learner takes whole generations or rollouts"
 
 
 def add_to(commands: Any) -> None:
-    """Adds `compare` to the subparsers of an argparse parser."""
+    """Adds them to the subparsers of an argparse parser."""
+    _add_compare(commands)
+    _add_train(commands)
+
+
+def _add_compare(commands: Any) -> None:
     p = add_command(
         commands,
         "compare",
-        run,
+        run_compare,
         "controllers x motions x amplitudes -> one table with intervals, and a page",
         "mrdamp compare frame --motions records/*.AT2 --controllers passive-on best-constant policy:seeds/",
     )
@@ -100,16 +116,14 @@ def add_to(commands: Any) -> None:
         help="add the best commands for motions known in advance, searched from the N best runs of each case (1)",
     )  # fmt: skip
     p.add_argument("--tune", action="store_true", help="tune the named controllers anew, on loads of their own")
-    p.add_argument(
-        "--jobs", type=int, default=-1, metavar="N", help="processes; the answer is the same (default: all cores)"
-    )
-    p.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
+    add_jobs(p, default=-1)
+    add_json(p)
     p.add_argument(
         "-o", "--out", type=OutFolder, help="folder to write; an interrupted run continues"
     )
 
 
-def run(a: argparse.Namespace) -> int:
+def run_compare(a: argparse.Namespace) -> int:
     """Runs `compare`."""
     if a.preset:
         shown = dict.fromkeys(_SHOWN) | _USUAL | {"tune": False}
@@ -268,3 +282,96 @@ def _answer(a: argparse.Namespace, lines: Sequence[str], report: Any, markdown: 
         if not a.json:
             print(f"page: {a.out / 'index.html'}" if page else f"table: {a.out / 'table.md'}")
     return 0
+
+
+def _add_train(commands: Any) -> None:
+    p = add_command(
+        commands,
+        "train",
+        run_train,
+        "train a controller in an environment, and export it for NumPy alone",
+        "mrdamp train mrdamp/Frame-v0 --seeds 5 --jobs 2 -o out/frame",
+    )
+    p.add_argument("environment", help="mrdamp/Frame-v0, mrdamp/Cable-v0, mrdamp/QuarterCar-v0, or file.py:NAME")
+    p.add_argument(
+        "--algo", default="es", choices=_ALGORITHMS,
+        help="stable-baselines3 (recurrent: sb3-contrib), es: evolution strategy, adjoint: gradients through the "
+        "chain, frame alone (default: %(default)s)",
+    )  # fmt: skip
+    p.add_argument("--seed", type=int, default=0, help="the first seed (default: %(default)s)")
+    p.add_argument("--seeds", type=int, default=1, help="how many (default: %(default)s)")
+    p.add_argument("--timesteps", type=int, help="control periods (default: the hyperparameters')")
+    p.add_argument(
+        "--hyperparameters", type=Path, help="YAML keyed by environment id (default: the package's)"
+    )
+    p.add_argument(
+        "--set", nargs="*", default=[], metavar="NAME=VALUE", help="override some, as learning_rate=3e-4"
+    )
+    p.add_argument(
+        "--sweep", nargs="*", default=[], metavar="NAME=VALUE,VALUE", help="train every combination of these"
+    )
+    p.add_argument(
+        "--model", type=Path, nargs="+", default=[], metavar="FILE",
+        help="model file of the damper (default: the environment's); es: several, for robustness over all",
+    )  # fmt: skip
+    p.add_argument(
+        "--evaluations",
+        type=int,
+        default=10,
+        help="evaluations on validation loads, with checkpoints (default: %(default)s)",
+    )
+    add_jobs(p)
+    p.add_argument(
+        "--backend", choices=("loky", "ray"), default="loky",
+        help="of --jobs: local processes, or a Ray cluster (extra `cluster`; RAY_ADDRESS: a running one)",
+    )  # fmt: skip
+    p.add_argument(
+        "-o", "--out", type=OutFolder, required=True, help="folder to write; an interrupted run continues"
+    )
+
+
+def run_train(a: argparse.Namespace) -> int:
+    """Trains, and prints the validation figures of every seed."""
+    from mrdamp.train.learn import compared, sweep
+    from mrdamp.train.settings import Options, settings
+
+    if a.seeds < 1:
+        raise InputError("--seeds must be at least 1")
+    options = Options(
+        a.environment, a.algo, a.seed, a.timesteps, a.hyperparameters, tuple(a.set),
+        a.model[0] if a.model else None, a.evaluations, tuple(a.model[1:]),
+    )  # fmt: skip
+    if a.backend != "loky":
+        os.environ["MRDAMP_BACKEND"] = a.backend
+    seeds = range(a.seed, a.seed + a.seeds)
+    with progress_bar() as progress:
+        found = sweep(options, a.out, seeds, a.sweep, a.jobs, progress)
+    with together():
+        for point in found:
+            asked = settings(replace(options, overrides=(*options.overrides, *point.overrides))).n_timesteps
+            _print(point, list(seeds), asked)
+        if len(found) > 1:
+            named = {" ".join(point.overrides): point.results for point in found}
+            save_picture(compared(named), a.out / "curves.png")
+    return 0
+
+
+def _print(point: Trained, seeds: list[int], asked: int) -> None:
+    """asked: control periods."""
+    from mrdamp.train.learn import curves
+
+    if point.overrides:
+        print(f"{' '.join(point.overrides)}: mean score {point.score():.4f}")
+    names = [name for name in point.results[0].best if name != "timesteps"]
+    print(f"{'seed':>6s} {'periods':>10s} " + " ".join(f"{name:>18s}" for name in names) + f" {'CPU s':>8s}")
+    for seed, result in zip(seeds, point.results, strict=True):
+        best = result.best
+        values = " ".join(f"{best[name]:18.4f}" for name in names)
+        print(f"{seed:6d} {best['timesteps']:10.0f} {values} {result.seconds:8.0f}")
+        if best["timesteps"] == 0:
+            print(f"mrdamp: seed {seed}: its policy is untrained, no evaluation beats the start", file=sys.stderr)
+        if (done := result.curve[-1]["timesteps"]) > asked:
+            print(f"mrdamp: seed {seed}: {done:.0f} periods, not {asked}: {_WHOLE}", file=sys.stderr)
+    folder = point.results[0].folder.parent
+    print(f"policies: {folder}/seed_*/policy.json")
+    save_picture(curves(point.results), folder / "curves.png")
