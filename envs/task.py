@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
@@ -261,6 +261,32 @@ class KindTask(Task):
     def __init__(self, n: int = 1, **arguments: Any) -> None:
         structure, others = divided(self.kind, arguments)
         super().__init__(structure, n, **others)
+
+
+def begun(task: Task, loads: Sequence[Any]) -> Observation:
+    """Observations (n, size) at the start of the n rows of a task, row k under loads[k]."""
+    rngs = [np.random.default_rng(k) for k in range(task.n)]
+    return np.concatenate([task.reset([k], rngs, {task.structure.option: load})[0] for k, load in enumerate(loads)])
+
+
+def episodes(
+    task: Task, measures: Sequence[str], loads: Sequence[Any], act: Callable[[Observation], Array]
+) -> dict[str, Array]:
+    """Fields of `info` (n,) at the end of the n rows of a task, row k under loads[k].
+
+    act: commands (n,), or (n, dampers), A or V, from observations (n, size).
+    """
+    observation = begun(task, loads)
+    alive = np.ones(task.n, dtype=np.bool_)
+    columns = [task.score.NAMES.index(name) for name in measures]
+    found = np.zeros((task.n, len(columns)))
+    while alive.any():
+        step = task.drive(act(observation))
+        ended = step.over & alive
+        found[ended] = step.info[ended][:, columns]
+        alive &= ~step.over
+        observation = step.observation
+    return dict(zip(measures, found.T, strict=True))
 
 
 def task_of(structure: Structure, n: int, **arguments: Any) -> Task:

@@ -18,10 +18,10 @@ import numpy as np
 from mrdamp.compare.comparison import interval
 from mrdamp.control.policy import Policy
 from mrdamp.envs.frame import Frame
-from mrdamp.envs.task import Task
+from mrdamp.envs.task import Task, episodes
 from mrdamp.envs.training_loads import by_motion, reported_motions
 from mrdamp.errors import InputError
-from mrdamp.train.worlds import World, episodes, forces
+from mrdamp.train.worlds import World, forces
 
 _STEP = 1e-3  # s, of the chain: peaks are within .3 % of those of a quarter of it
 
@@ -45,7 +45,7 @@ def peaks(policies: list[Policy], noise: float) -> tuple[np.ndarray, np.ndarray]
 
         if policy is not None:
             policy.reset()
-        values = episodes(task, own, loads, act)[0]
+        values = episodes(task, own.measures, loads, act)
         found.append(np.column_stack([values["drift_ratio"], values["acceleration_ratio"]]))
     return np.array(found[1:]), found[0]
 

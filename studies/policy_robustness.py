@@ -19,9 +19,10 @@ from mrdamp.compare.comparison import interval
 from mrdamp.control.base import Controller
 from mrdamp.control.passive import passive_on
 from mrdamp.control.policy import Policy
+from mrdamp.control.registry import Site
 from mrdamp.errors import InputError
-from mrdamp.gap.scenario import Options, Scenario, nominal_frame
-from studies.gap.real import EFFECTS, NONE, RealFrame
+from mrdamp.gap.scenario import Options
+from studies.gap.real import EFFECTS, NONE, RealFrame, RigScenario, nominal_frame
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -39,12 +40,12 @@ def main(arguments: list[str] | None = None) -> int:
     a = p.parse_args(arguments)
     try:
         policies = [Policy.read(file) for file in a.policies]
-        scenario = Scenario(nominal_frame(), Options("constant", a.loads))
+        scenario = RigScenario(nominal_frame(), Options("constant", a.loads))
         if not a.as_trained:
             policies = [q.matched(scenario.nominal.command_lag, a.sensor_lag) for q in policies]
     except InputError as error:
         p.exit(2, f"policy_robustness: {error}\n")
-    site = scenario.site(scenario.nominal)
+    site = Site.of(scenario.nominal)
 
     def scores(real: RealFrame, controller: Controller) -> list[float]:
         return [

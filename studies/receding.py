@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,33 @@ from mrdamp.compare.clairvoyant import Effort, Peaks, search
 from mrdamp.compare.rollouts import Rollouts
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import RowMoment
+
+
+class Ongoing(Rollouts):
+    """Rollouts that may begin in the present of a row."""
+
+    _moment: RowMoment | None = None
+
+    def go_on(self, moment: RowMoment, measured: Array, periods: int) -> None:
+        """Runs begin in the present of a row and under its load from now on.
+
+        measured: (measurements,) of the row there; periods: how many to run.
+        """
+        self._moment, self._state, self._measured = moment, moment.state.copy(), measured.copy()
+        self.periods = periods
+        for rows in self._rows.values():
+            self._place(rows)
+
+    def rows(self, n: int) -> Any:
+        fresh = n not in self._rows
+        rows = super().rows(n)
+        if fresh and self._moment is not None:
+            self._place(rows)
+        return rows
+
+    def _place(self, rows: Any) -> None:
+        for row in range(rows.plants.n):
+            rows.restore(row, (self._moment, None))
 
 
 @dataclass(frozen=True)
@@ -45,9 +73,7 @@ class Receding:
         every = self.blocks * hold
         given = np.zeros(whole)
         measured, plan = plant.plants.measured[0].copy(), np.zeros(0)
-        ahead = Rollouts(
-            rollouts.make, rollouts.load, rollouts.columns, rollouts.low, rollouts.high, rollouts.periods
-        )
+        ahead = Ongoing(rollouts.make, rollouts.load, rollouts.columns, rollouts.low, rollouts.high)
         for begin in range(0, whole, every):
             moment = plant.plants.save(0)
             window = hold * math.ceil((self.known + self.behind) / period / hold)

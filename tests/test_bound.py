@@ -27,6 +27,7 @@ from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.rows import Stepping
 from mrdamp.simulation.stepping import run_frame
+from studies.receding import Ongoing
 
 BENCH = FrameBench(preset.frame_model())
 MOTION = kanai_tajimi(5, duration=4.0, rise=0.5, plateau=2.0, decay=0.5)
@@ -37,13 +38,13 @@ STARTS = ("passive-on", "force-tracking", "clipped-optimal:balance=300,r=1e-6")
 run = caller(add_to)
 
 
-def rollouts() -> Rollouts:
+def rollouts(kind: type[Rollouts] = Rollouts) -> Rollouts:
     def make(n: int) -> FrameChain:
         return FrameChain(Frame(BENCH.model), Stepping(1e-3, 1e-3, np.array([LARGEST]), n))
 
     names = make(1).names
     columns = [names.index(f"{what}_{j}") for what in ("drift", "acceleration") for j in (1, 2, 3)]
-    return Rollouts(make, PLAYED, columns, 0.0, LARGEST)
+    return kind(make, PLAYED, columns, 0.0, LARGEST)
 
 
 def objective(drift: float, acceleration: float) -> Peaks:
@@ -221,7 +222,8 @@ def test_runs_go_on_where_a_row_stands() -> None:
     for k in range(300):
         measured = plant.plants.advance(u[None, k : k + 1])[1][0].copy()
     moment = plant.plants.save(0)
-    rest = rollouts()
+    rest = rollouts(Ongoing)
+    assert isinstance(rest, Ongoing)
     rest.rows(3)  # rows made before are moved too
     rest.go_on(moment, measured, 200)
     found, _ = rest.run(np.stack([u[300:500]] * 3))

@@ -18,7 +18,7 @@ from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.envs.training_loads import tuning_motions, unseen_motions
 from mrdamp.errors import InputError
 from mrdamp.gap import measured
-from mrdamp.gap.scenario import Learning, Scenario, nominal_frame, straightened
+from mrdamp.gap.scenario import Learning, Scenario, straightened
 from mrdamp.model import Effect, Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.stepping import run_frame
@@ -29,7 +29,7 @@ from studies.gap import real
 from studies.gap.closed_loop import write_case
 from studies.gap.other_law import OtherLaw, other_law
 from studies.gap.page import page
-from studies.gap.real import LOG_HZ, NONE, RealFrame
+from studies.gap.real import LOG_HZ, NONE, RealFrame, nominal_frame
 from studies.gap.study import Options, study
 
 

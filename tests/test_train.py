@@ -20,6 +20,7 @@ from mrdamp.control.force_control import ForceController
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.policy import Policy
 from mrdamp.envs import training_loads as loads
+from mrdamp.envs.task import episodes
 from mrdamp.model import Effect
 from mrdamp.structures import dyke1996
 from mrdamp.train.imitation import imitated
@@ -27,7 +28,7 @@ from mrdamp.train.learn import train
 from mrdamp.train.run import whitening
 from mrdamp.train.search import EvolutionRun
 from mrdamp.train.settings import Options, settings
-from mrdamp.train.worlds import Judge, episodes, forces, world
+from mrdamp.train.worlds import Judge, forces, world
 from refusals import refuses
 
 Array = NDArray[np.float64]
@@ -258,7 +259,7 @@ def test_candidates_are_scored_as_the_policies_they_become(
     for candidate, score in zip(candidates, scores, strict=True):
         run.cma.average = candidate
         policy = run.policy()
-        found, _ = episodes(task, run.world, judged, lambda o, p=policy: p.commands(o, forces(task, o)))  # type: ignore[misc]
+        found = episodes(task, run.world.measures, judged, lambda o, p=policy: p.commands(o, forces(task, o)))  # type: ignore[misc]
         assert run.world.score({k: float(v.mean()) for k, v in found.items()}) == pytest.approx(score, rel=1e-6)
 
 

@@ -21,10 +21,11 @@ from mrdamp.compare.comparison import difference
 from mrdamp.control.policy import Policy
 from mrdamp.envs import Frame, default_damper
 from mrdamp.envs.randomise import varied
+from mrdamp.envs.task import episodes
 from mrdamp.envs.training_loads import by_motion, reported_motions
 from mrdamp.model import Model
 from mrdamp.structures import dyke1996
-from mrdamp.train.worlds import World, episodes, forces
+from mrdamp.train.worlds import World, forces
 
 PERIOD = 0.002
 
@@ -75,7 +76,7 @@ def _score(model: Model, loads: list[Any], policy: Policy | None) -> NDArray[np.
             return np.full(len(seen), float(task.command_max[0]))
         return policy.commands(seen, forces(task, seen))
 
-    found = episodes(task, world, loads, act)[0]
+    found = episodes(task, world.measures, loads, act)
     return np.asarray((found["drift_ratio"] + found["acceleration_ratio"]) / 2)
 
 

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from mrdamp.compare.rollouts import Slopes, differences, matter
 from mrdamp.envs.frame import FrameTask
+from mrdamp.envs.task import begun
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import HEADER
-from mrdamp.train.worlds import Act, World, begun
+from mrdamp.train.worlds import Act, World
 
 _STEP = 1e-3  # s, of the chain: peaks are within .3 % of those of a quarter of it
 _PROBED = 64  # periods at which it is looked up which states matter

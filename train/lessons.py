@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from mrdamp.control.policy import Policy
-from mrdamp.envs.task import Task
+from mrdamp.envs.task import Task, begun
 from mrdamp.model.core import Array
-from mrdamp.train.worlds import World, begun, forces
+from mrdamp.train.worlds import World, forces
 
 Single = NDArray[np.float32]
 

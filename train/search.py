@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from mrdamp.control.networks import Network
 from mrdamp.control.policy import velocities
+from mrdamp.envs.task import episodes
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.model.core import Array
 from mrdamp.train.run import StepRun, reading
 from mrdamp.train.settings import Options, Settings
-from mrdamp.train.worlds import World, episodes, forces
+from mrdamp.train.worlds import World, forces
 
 _LINEAR = 0.1  # share of a tanh's input that is as good as straight
 _FRESH = 0.15  # share of the newest mean in the average
@@ -235,6 +236,6 @@ class EvolutionRun(StepRun):
                 command = self.levels.command(action * self.levels.force_max, forces(task, observation), velocity)
             return command if least is None else np.maximum(command, least(task.observer.peak(observation, "force")))
 
-        found, periods = episodes(task, world, list(loads) * self.population, act)
-        self._periods += periods
+        found = episodes(task, world.measures, list(loads) * self.population, act)
+        self._periods += int(task.rows.steps.sum())
         return {name: v.reshape(self.population, many) for name, v in found.items()}

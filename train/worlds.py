@@ -1,4 +1,4 @@
-"""The structures that a policy can be trained in: tasks and loads, what it is evaluated by, episodes of many rows."""
+"""The structures that a policy can be trained in: tasks and loads, what it is evaluated by, and its evaluation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mrdamp.envs.linear import own_kind
 from mrdamp.envs.plant_env import RowPlant
 from mrdamp.envs.randomise import Randomise
 from mrdamp.envs.structure import Structure
-from mrdamp.envs.task import Task, divided
+from mrdamp.envs.task import Task, divided, episodes
 from mrdamp.envs.weights import OF_DAMPERS
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
@@ -177,31 +177,6 @@ def world(
 Act = Callable[[NDArray[np.float32]], Array]
 
 
-def begun(task: Task, loads: Sequence[Any]) -> NDArray[np.float32]:
-    """Observations (n, size) at the start of the n rows of a task, row k under loads[k]."""
-    rngs = [np.random.default_rng(k) for k in range(task.n)]
-    return np.concatenate([task.reset([k], rngs, {task.structure.option: load})[0] for k, load in enumerate(loads)])
-
-
-def episodes(task: Task, world: World, loads: Sequence[Any], act: Act) -> tuple[dict[str, Array], int]:
-    """The world's measures (n,) of the n rows of a task, row k under loads[k], and the control periods of all rows.
-
-    act: commands (n,), or (n, dampers), A or V, from observations (n, size).
-    """
-    observation = begun(task, loads)
-    alive, periods = np.ones(task.n, dtype=np.bool_), 0
-    columns = [task.score.NAMES.index(name) for name in world.measures]
-    found = np.zeros((task.n, len(columns)))
-    while alive.any():
-        step = task.drive(act(observation))
-        ended = step.over & alive
-        found[ended] = step.info[ended][:, columns]
-        periods += int(alive.sum())
-        alive &= ~step.over
-        observation = step.observation
-    return dict(zip(world.measures, found.T, strict=True)), periods
-
-
 def forces(task: Task, observation: NDArray[np.float32]) -> Array:
     """(n,) N, the damper's, as observations (n, size) hold it; zero where they do not."""
     return task.observer.measured(observation, "force")
@@ -234,4 +209,4 @@ class Judge:
                 return policy.commands(observation, forces(task, observation))
             return np.full(len(observation), policy)
 
-        return episodes(task, world, loads, act)[0]
+        return episodes(task, world.measures, loads, act)

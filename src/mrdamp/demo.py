@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from mrdamp.control.base import Controller
 from mrdamp.control.registry import balanced
 from mrdamp.envs.frame_animation import Animation, Clip, animate
 from mrdamp.errors import InputError
-from mrdamp.files import together, write_atomic
+from mrdamp.files import csv_text, together, write_atomic
 from mrdamp.identify import Fit, RecordError, identify, laws, simulate
 from mrdamp.identify import fit as fit_module
 from mrdamp.inverse import LawInverse
@@ -293,7 +293,9 @@ def _page(
         [(k, f"{v:.6g}") for k, v in attributes.items()],
         "As in `model.json` and in the MJCF files beside this page.",
     )
-    _tables(out, rows, columns, compare)
+    errors = [(r, half, f"{rmse:.6g}", f"{nrmse / 100:.6g}") for r, half, rmse, nrmse in rows]
+    write_atomic(out / "errors.csv", csv_text(("record", "half", "rmse_N", "nrmse"), errors))
+    write_atomic(out / "controllers.csv", csv_text(columns, compare))
     path = out / "index.html"
     page.write(path)
     return path
@@ -361,17 +363,3 @@ def _frame_pictures(
         "Commands of clipped-optimal and force tracking, and the resulting forces.",
         "Command and force over time.",
     )
-
-
-def _tables(
-    out: Path,
-    rows: list[tuple[str, str, float, float]],
-    columns: tuple[str, ...],
-    compare: Sequence[tuple[object, ...]],
-) -> None:
-    lines = ["record,half,rmse_N,nrmse"] + [
-        f"{r},{half},{rmse:.6g},{nrmse / 100:.6g}" for r, half, rmse, nrmse in rows
-    ]
-    write_atomic(out / "errors.csv", "\n".join(lines) + "\n")
-    lines = [",".join(columns)] + [",".join("" if v is None else str(v) for v in row) for row in compare]
-    write_atomic(out / "controllers.csv", "\n".join(lines) + "\n")

@@ -8,15 +8,15 @@ import sys
 from functools import partial
 
 from mrdamp.cli import main as run
-from mrdamp.commands import OutFolder, command_parser, progress_bar
+from mrdamp.commands import OutFolder, Parser, described, progress_bar
 from mrdamp.errors import InputError
 from studies.blindtest import baselines, misfit_score, report, score
 from studies.blindtest import run as blind
 
 
 def parser() -> argparse.ArgumentParser:
-    p = command_parser(
-        "python -m studies.blindtest",
+    p = described(
+        Parser("python -m studies.blindtest"),
         run_blindtest,
         "check the diagnosis on cases of a reference rig whose causes are sealed until it has answered",
         "python -m studies.blindtest out/blind --cases 200 --jobs 2",

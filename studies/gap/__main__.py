@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from mrdamp.cli import main as run
-from mrdamp.commands import OutFolder, command_parser, progress_bar, save_picture
+from mrdamp.commands import OutFolder, Parser, described, progress_bar, save_picture
 from mrdamp.commands.diagnosis import add_options
 from mrdamp.files import together, write_atomic
 from mrdamp.model import Model
@@ -20,8 +20,8 @@ from studies.gap.study import Options, study
 
 
 def parser() -> argparse.ArgumentParser:
-    p = command_parser(
-        "python -m studies.gap",
+    p = described(
+        Parser("python -m studies.gap"),
         run_gap,
         "loss of a controller on a frame that differs from its simulator, and how much of it a diagnosis recovers",
         "python -m studies.gap --effects driver_lag storey_stiffness@1 -o out/gap",

@@ -7,14 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from mrdamp import sets
 from mrdamp.control.base import Controller
 from mrdamp.errors import InputError
+from mrdamp.gap.scenario import Scenario
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
+from mrdamp.simulation.criteria import Criteria
 from mrdamp.simulation.stepping import FrameRun
+from mrdamp.structures import dyke1996
 from studies.blindtest.rig import INPUT_RATE_HZ, LAWS, RATE_HZ, Array, Numbers, run_frame_controlled
 
 #: Effects by the catalogue's names: numbers of the rig, and of a storey (from 1; relative for mass and stiffness).
@@ -131,3 +136,19 @@ def record(log: Mapping[str, Array], rng: np.random.Generator) -> dict[str, Arra
         size = _NOISE * float(np.sqrt(np.mean(values**2)))
         channels[name] = values + size * rng.standard_normal(len(values))
     return {"time_s": np.arange(len(log["ground"][at])) / LOG_HZ, **channels}
+
+
+def nominal_frame() -> Model:
+    """The nominal simulator: the frame and the damper of Dyke et al. (1996), no effect."""
+    found = sets.load("dyke1996_3kN")
+    return Model(found.law, dict(found.parameters), rig="frame", structure=dyke1996(), name="frame")
+
+
+class RigScenario(Scenario):
+    """A controller's workplace with real frames beside the simulators."""
+
+    def criteria(self, plant: Any, controller: Controller | None, load: GroundMotion) -> Criteria:
+        if not isinstance(plant, RealFrame):
+            return super().criteria(plant, controller, load)
+        assert controller is not None
+        return self.of(plant.run(load, controller)[0])

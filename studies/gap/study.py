@@ -12,6 +12,7 @@ import numpy as np
 
 from mrdamp.compare.comparison import ratio
 from mrdamp.control.base import Controller
+from mrdamp.control.registry import Site
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
@@ -20,8 +21,6 @@ from mrdamp.gap import scenario as workplace
 from mrdamp.gap.scenario import (
     CRITERIA,
     Progress,
-    Scenario,
-    nominal_frame,
     relative,
     relative_error,
     with_range,
@@ -33,7 +32,7 @@ from mrdamp.structures import ShearFrame
 from studies.blindtest.rig import Numbers
 from studies.gap.closed_loop import write_case
 from studies.gap.other_law import other_law
-from studies.gap.real import EFFECTS, NONE, RealFrame
+from studies.gap.real import EFFECTS, NONE, RealFrame, RigScenario, nominal_frame
 
 _VERSION = 5
 #: Half width of the ranges of who has no diagnosis.
@@ -124,9 +123,9 @@ def study(
         progress("identifying a damper with another law", 0.0)
         other = other_law(nominal, options.seed)
     setup = Setup(nominal if other is None else other.nominal, None if other is None else other.numbers)
-    scenario = Scenario(setup.nominal, options, jobs, trainings=out / "trainings")
+    scenario = RigScenario(setup.nominal, options, jobs, trainings=out / "trainings")
     progress("tuning on the nominal simulator", 0.0)
-    first = scenario.tune([scenario.nominal], scenario.site(scenario.nominal), _within(progress, 0.0, 0.05))
+    first = scenario.tune([scenario.nominal], Site.of(scenario.nominal), _within(progress, 0.0, 0.05))
     simulated = [scenario.criteria(scenario.nominal, first, load) for load in scenario.loads]
     matched = [scenario.criteria(setup.real(NONE), first, load) for load in scenario.loads]
     alike = float(np.mean([relative_error(simulated, matched, name) for name in CRITERIA]))
@@ -134,7 +133,7 @@ def study(
     # A policy is learned over several simulators by the evolution strategy alone.
     if options.tuned or (scenario.learning and scenario.learning.algorithm == "es"):
         progress("tuning on a blindly randomised simulator", 0.05)
-        blind = scenario.tune(_drawn_blindly(scenario.nominal, options), scenario.site(scenario.nominal))
+        blind = scenario.tune(_drawn_blindly(scenario.nominal, options), Site.of(scenario.nominal))
     rows = []
     for k, cause in enumerate(options.effects):
         at = 0.1 + 0.9 * k / len(options.effects)
@@ -172,7 +171,7 @@ def _within(progress: Progress, at: float, width: float) -> Progress:
 
 
 def _row(
-    scenario: Scenario,
+    scenario: RigScenario,
     setup: Setup,
     options: Options,
     cause: str,
@@ -209,7 +208,7 @@ def _row(
     if blind is None and scenario.learning is None:
         return row
     progress(f"{cause}: tuning again", 0.6)
-    site = scenario.site(corrected)
+    site = Site.of(corrected)
     retuned = scenario.tune([corrected], site, _within(progress, 0.6, 0.4))
 
     def on_real(controller: Controller) -> float:
@@ -226,7 +225,7 @@ def _row(
         retuned=on_real(retuned),
         randomised=on_real(randomised),
         blind=on_real(blind),
-        direct=None if scenario.learning else on_real(scenario.tune([real], site)),
+        direct=None if scenario.learning else on_real(scenario.tune([real], site)),  # type: ignore[list-item]
     )
 
 

@@ -44,15 +44,11 @@ class Parser(argparse.ArgumentParser):
 
 def add_command(commands: Any, name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
     """Adds a command to the subparsers of an argparse parser; `run` takes what it parsed, its outputs checked."""
-    return _described(commands.add_parser(name, help=text), run, text, example)
+    return described(commands.add_parser(name, help=text), run, text, example)
 
 
-def command_parser(name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
-    """The parser of a command that stands alone."""
-    return _described(Parser(name), run, text, example)
-
-
-def _described(p: argparse.ArgumentParser, run: Run, text: str, example: str) -> argparse.ArgumentParser:
+def described(p: argparse.ArgumentParser, run: Run, text: str, example: str) -> argparse.ArgumentParser:
+    """The parser of a command, which runs it."""
     def checked(a: argparse.Namespace) -> int:
         check_outputs(a)
         return run(a)

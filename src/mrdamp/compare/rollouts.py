@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
-from mrdamp.simulation.rows import HEADER, RowMoment
+from mrdamp.simulation.rows import HEADER
 
 Whole = NDArray[np.intp]
 
@@ -43,7 +43,8 @@ class Rollouts:
     """One damper's command sequences under one load.
 
     make: rows on the chain from their number; load: what they start under; columns: of the measurements that are
-    watched, the channels; periods: how many control periods to run, None: those of the load; low, high: of commands.
+    watched, the channels; low, high: of commands. Attributes: periods, how many control periods are run: those of the
+    load.
     """
 
     def __init__(
@@ -53,28 +54,15 @@ class Rollouts:
         columns: Sequence[int],
         low: float,
         high: float,
-        periods: int | None = None,
     ) -> None:
         if not low < high:
             raise InputError(f"clairvoyant: commands from {low:g} to {high:g}; allowed: a range")
         self.make, self.load, self.columns = make, load, list(columns)
         self.low, self.high = low, high
         self._rows: dict[int, Any] = {}
-        self._moment: RowMoment | None = None
         rows = self.rows(1)
         self._state, self._measured = rows.plants.state[0].copy(), rows.plants.measured[0].copy()
-        whole = int(rows.steps[0])
-        self.periods = whole if periods is None else min(periods, whole)
-
-    def go_on(self, moment: RowMoment, measured: Array, periods: int) -> None:
-        """Runs begin in the present of a row and under its load from now on.
-
-        measured: (measurements,) of the row there; periods: how many to run.
-        """
-        self._moment, self._state, self._measured = moment, moment.state.copy(), measured.copy()
-        self.periods = periods
-        for rows in self._rows.values():
-            self._place(rows)
+        self.periods = int(rows.steps[0])
 
     def run(self, commands: Array, states: bool = False) -> tuple[Array, Array]:
         """Channels (n, periods, channels) of commands (n, periods), as `compare.frame.run_rows` samples them: first
@@ -131,15 +119,8 @@ class Rollouts:
             rows = self.make(n)
             for row in range(n):
                 rows.start(row, self.load)
-            if self._moment is not None:
-                self._place(rows)
             self._rows[n] = rows
         return self._rows[n]
-
-    def _place(self, rows: Any) -> None:
-        assert self._moment is not None
-        for row in range(rows.plants.n):
-            rows.restore(row, (self._moment, None))
 
 
 def differences(

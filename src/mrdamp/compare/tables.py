@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import itertools
 import json
 import math
@@ -12,6 +10,7 @@ from typing import Any, NamedTuple
 
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.comparison import Comparison, Summary, difference
+from mrdamp.files import csv_text
 
 Row = tuple[str, ...]
 
@@ -135,7 +134,7 @@ def shares_csv(result: Comparison) -> str:
             lines.append((c.name, bound, "all", *map(_plain, (s.mean, s.low, s.high))))
             each = zip(result.loads, result.load_shares(c.name, bound), strict=True)
             lines += [(c.name, bound, load, _plain(float(value)), "", "") for load, value in each]
-    return _csv(("controller", "bound", "load", "share", "low", "high"), lines)
+    return csv_text(("controller", "bound", "load", "share", "low", "high"), lines)
 
 
 def paths_csv(result: Comparison) -> str:
@@ -147,7 +146,7 @@ def paths_csv(result: Comparison) -> str:
         for path in paths
         for k, value in enumerate(path["values"])
     ]
-    return _csv(("load", "amplitude", "bound", "start", "step", "value", "ended"), lines)
+    return csv_text(("load", "amplitude", "bound", "start", "step", "value", "ended"), lines)
 
 
 def markdown(heads: Sequence[str], rows: Sequence[Row]) -> str:
@@ -185,7 +184,7 @@ def means_csv(result: Comparison) -> str:
         for m in result.measures
         for s in (result.summary(c.name, m.key),)
     ]
-    return _csv(("controller", "measure", "mean", "worst", "low", "high"), lines)
+    return csv_text(("controller", "measure", "mean", "worst", "low", "high"), lines)
 
 
 def differences_csv(result: Comparison) -> str:
@@ -201,7 +200,7 @@ def differences_csv(result: Comparison) -> str:
             *([("objective", difference(result.rated(c.name), result.rated(other.name)))] * bool(result.objective)),
         )
     ]
-    return _csv(("controller", "less", "measure", "mean", "low", "high"), lines)
+    return csv_text(("controller", "less", "measure", "mean", "low", "high"), lines)
 
 
 def runs_csv(result: Comparison) -> str:
@@ -212,7 +211,7 @@ def runs_csv(result: Comparison) -> str:
         values = zip(*(result.values[c.name][m.key].ravel() for m in result.measures), strict=True)
         for (seed, load, amplitude), row in zip(cases, values, strict=True):
             lines.append((c.name, str(seed), load, f"{amplitude:g}", *map(_plain, row)))
-    return _csv(("controller", "seed", "load", "amplitude", *(m.key for m in result.measures)), lines)
+    return csv_text(("controller", "seed", "load", "amplitude", *(m.key for m in result.measures)), lines)
 
 
 def to_json(result: Comparison, unit: str, about: str) -> str:
@@ -253,11 +252,3 @@ def _spread(s: Summary, *, sign: bool = False) -> str:
 
 def _plain(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.6g}"
-
-
-def _csv(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(lines)
-    return out.getvalue()

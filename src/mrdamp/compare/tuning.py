@@ -17,7 +17,8 @@ from scipy.optimize import differential_evolution
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Load, score
 from mrdamp.control import registry
 from mrdamp.control.base import Controller, ZeroOrderHold
-from mrdamp.envs.task import Task
+from mrdamp.control.observe import Observation
+from mrdamp.envs.task import Task, episodes
 from mrdamp.errors import Diverged, InputError
 from mrdamp.files import digest, write_atomic
 from mrdamp.model.core import Array
@@ -97,34 +98,29 @@ class Loops:
 
     def run(self, controllers: Sequence[Controller]) -> dict[str, Array]:
         """The measures that make the objective, (controllers, loads) each. Controllers act at their own periods."""
-        task, many = self.task, len(self.loads)
-        names, dampers = task.rows.names, len(task.command_max)
-        rngs = [np.random.default_rng(0)] * task.n
-        for row in range(task.n):
-            task.reset([row], rngs, {self.bench.option: self.loads[row % many]})
-        period = task.rows.period
+        task, many, used = self.task, len(self.loads), len(self.loads) * len(controllers)
+        names, period = task.rows.names, task.rows.period
         acting = [_at_every(controller, period) for controller in controllers]
         for controller in acting:
             controller.reset()
-        commands, alive = np.zeros((dampers, task.n)), np.arange(task.n) < many * len(controllers)
-        columns = [task.score.NAMES.index(info) for info, _ in self.bench.objective.values()]
-        found, time = np.zeros((task.n, len(columns))), 0.0
-        while alive.any():
+        commands, time = np.zeros((len(task.command_max), task.n)), 0.0
+
+        def act(_: Observation) -> Array:
+            nonlocal time
             measured = task.measured.T.copy()  # which the next step writes over, and controllers remember
             for k, controller in enumerate(acting):
                 own = slice(k * many, (k + 1) * many)
                 commands[:, own] = controller.command(time, dict(zip(names, measured[:, own], strict=True)))
-            try:
-                step = task.drive(commands.T)
-            except Diverged as error:
-                raise InputError(f"controller {controllers[error.row // many].name} under {error}") from None
-            ended = step.over & alive
-            found[ended] = step.info[ended][:, columns]
-            self.periods += int(alive.sum())
-            alive &= ~step.over
             time += period
-        each = found.reshape(-1, many, len(columns))[: len(controllers)]
-        return dict(zip(self.bench.objective, np.moveaxis(each, 2, 0), strict=True))
+            return commands.T
+
+        infos = [info for info, _ in self.bench.objective.values()]
+        try:
+            found = episodes(task, infos, [self.loads[row % many] for row in range(task.n)], act)
+        except Diverged as error:
+            raise InputError(f"controller {controllers[error.row // many].name} under {error}") from None
+        self.periods += int(task.rows.steps[:used].sum())
+        return {key: found[info][:used].reshape(-1, many) for key, (info, _) in self.bench.objective.items()}
 
 
 def _at_every(controller: Controller, period: float) -> Controller:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from mrdamp.control.base import Controller
+from mrdamp.control.registry import Site
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
@@ -61,7 +62,7 @@ def of_case(
         nominal = replace(nominal, parameters={**nominal.parameters, "command_max": largest})
     scenario = Scenario(nominal, options, jobs, trainings=out / "trainings")
     progress("tuning on the nominal simulator", 0.0)
-    first = scenario.tune([nominal], scenario.site(nominal))
+    first = scenario.tune([nominal], Site.of(nominal))
     progress("diagnosis", 0.2)
     found = diagnose(case, jobs=jobs)
     corrected, drawn = with_range(found.corrected, nominal), [with_range(m, nominal) for m in found.drawn]
@@ -86,7 +87,7 @@ def of_case(
     )
     if options.tuned or scenario.learning:
         progress("tuning again", 0.75)
-        again = scenario.tune([corrected], scenario.site(corrected))
+        again = scenario.tune([corrected], Site.of(corrected))
         answer = replace(
             answer,
             retuned=scenario.score(ran(corrected, again)),

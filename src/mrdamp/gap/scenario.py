@@ -11,11 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
 
 import numpy as np
 
-from mrdamp import sets
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.told import told
@@ -26,7 +24,7 @@ from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.parallel import mapped
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.stepping import FrameRun, run_frame
-from mrdamp.structures import ShearFrame, dyke1996
+from mrdamp.structures import ShearFrame
 
 LEARNED = "learned"
 Progress = Callable[[str, float], None]
@@ -109,16 +107,6 @@ def _is_linear(effect: Effect) -> bool:
 CRITERIA = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
 
 
-class Rig(Protocol):
-    """A frame that is no simulator of ours."""
-
-    def run(self, motion: GroundMotion, controller: Controller) -> tuple[FrameRun, Any]:
-        """The run under a controller, and its log."""
-
-
-Plant = Model | Rig
-
-
 @dataclass(frozen=True)
 class Options:
     """controller: a kind that is tuned (`clipped-optimal`, `constant`, `force-tracking` ...); `learned`, with or
@@ -147,12 +135,6 @@ class Options:
         return self.learning is None and is_tuned(self.controller)
 
 
-def nominal_frame() -> Model:
-    """The nominal simulator: the frame and the damper of Dyke et al. (1996), no effect."""
-    found = sets.load("dyke1996_3kN")
-    return Model(found.law, dict(found.parameters), rig="frame", structure=dyke1996(), name="frame")
-
-
 class Scenario:
     """A controller's workplace. trainings: folder where what is learned is kept."""
 
@@ -163,9 +145,6 @@ class Scenario:
         self.training = [m.compressed(TIME_SCALE) for m in tuning_motions()]
         # By name: a process that tunes has copies of the motions.
         self._reference = {m.name: self.criteria(nominal, None, m) for m in (*self.loads, *self.training)}
-
-    def site(self, model: Model) -> registry.Site:
-        return registry.Site.of(model)
 
     def of(self, run: FrameRun) -> Criteria:
         assert self.nominal.structure is not None
@@ -181,12 +160,9 @@ class Scenario:
             largest,
         )
 
-    def criteria(self, plant: Plant, controller: Controller | None, load: GroundMotion) -> Criteria:
-        """Of a run in MuJoCo, or on a real frame (with a controller)."""
-        if isinstance(plant, Model):
-            return self.of(run_frame(plant, load, controller))
-        assert controller is not None
-        return self.of(plant.run(load, controller)[0])
+    def criteria(self, plant: Model, controller: Controller | None, load: GroundMotion) -> Criteria:
+        """Of a run in MuJoCo."""
+        return self.of(run_frame(plant, load, controller))
 
     def score(self, criteria: Sequence[Criteria], loads: Sequence[GroundMotion] | None = None) -> float:
         values = []
@@ -197,13 +173,11 @@ class Scenario:
         return float(np.mean(values))
 
     def tune(
-        self, plants: Sequence[Plant], site: registry.Site, progress: Progress | None = None
+        self, plants: Sequence[Model], site: registry.Site, progress: Progress | None = None
     ) -> Controller:
-        """The controller made for a site that is best on average over simulators, or real frames, and tuning
-        motions; one that is learned: over the simulators."""
+        """The controller made for a site that is best on average over simulators and tuning motions."""
         if self.learning:
-            simulators = [plant for plant in plants if isinstance(plant, Model)]
-            return self.learning.train(simulators, site, progress)
+            return self.learning.train(plants, site, progress)
         if not is_tuned(self.controller):
             return told(partial(registry.make, self.controller), site)
         specs = candidates(self.controller, site)
@@ -246,7 +220,7 @@ def is_tuned(controller: str) -> bool:
     return ":" not in controller
 
 
-def _tuning_score(scenario: Scenario, plant: Plant, spec: str, site: registry.Site) -> float:
+def _tuning_score(scenario: Scenario, plant: Model, spec: str, site: registry.Site) -> float:
     controller = told(partial(registry.make, spec), site)
     return scenario.score(
         [scenario.criteria(plant, controller, load) for load in scenario.training], scenario.training

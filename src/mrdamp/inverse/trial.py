@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamp.files import write_atomic
+from mrdamp.files import csv_text, write_atomic
 from mrdamp.identify import Fit, identify
 from mrdamp.inverse.base import Inverse, command_range
 from mrdamp.inverse.baselines import Fixed, Switching
@@ -199,9 +199,8 @@ def write_page(result: Trial, out: Path, command_unit: str) -> Path:
             "Wanted and true force over time, and the command, for each inverse.",
         )
         page.table("", result.columns, result.rows(kind))
-        lines = [",".join(f'"{c}"' for c in result.columns)]
-        lines += [",".join([f'"{row[0]}"', *(f"{v:.6g}" for v in row[1:])]) for row in result.rows(kind)]
-        write_atomic(out / f"{kind}.csv", "\n".join(lines) + "\n")
+        lines = [(row[0], *(f"{v:.6g}" for v in row[1:])) for row in result.rows(kind)]
+        write_atomic(out / f"{kind}.csv", csv_text(result.columns, lines))
     _models(page, result)
     if result.network:
         result.network.write(out / "network.json")

@@ -1,4 +1,4 @@
-"""Ride comfort: the frequency weighting Wk of ISO 2631-1 for vertical vibration, and its RMS value."""
+"""Ride comfort: the frequency weighting Wk of ISO 2631-1 for vertical vibration."""
 
 from __future__ import annotations
 
@@ -39,12 +39,6 @@ def wk_sections(sample_time: float) -> Array:
             f"weighted acceleration: a sample time of {sample_time} s; allowed: above 0 to 0.002 s"
         )
     return np.array([np.concatenate(signal.bilinear(b, a, 1 / sample_time)) for b, a in _sections()])
-
-
-def weighted_rms(acceleration: ArrayLike, sample_time: float) -> float:
-    """RMS of the Wk-weighted acceleration (samples,) m/s2 from rest, m/s2."""
-    found = signal.sosfilt(wk_sections(sample_time), np.asarray(acceleration, dtype=np.float64))
-    return float(np.sqrt(np.mean(found**2)))
 
 
 class BlockFilter:
