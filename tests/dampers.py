@@ -95,7 +95,7 @@ def reference(id: str, kind: str, dt: float, end: float) -> dict[str, Array]:
     """SciPy's solution for a set, on the grid of dt."""
     motion, command = excitation(id, kind)
     t = grid(dt, end)
-    return simulate(sets.load(id).law, attributes(id), motion, t, command)
+    return simulate(sets.load(id).law, attributes(id), motion, t, command, rtol=1e-6)
 
 
 def rms(values: Array) -> float:

@@ -212,9 +212,6 @@ def test_sampling_of_cases() -> None:
     assert case_sampling.draw(np.random.SeedSequence(5), 200) != tasks
 
 
-# --- causes that show -------------------------------------------------------------------------------
-
-
 # --- apart -------------------------------------------------------------------------------------------
 def test_rig_shares_no_code_with_the_plugin() -> None:
     names = sorted(path.stem for path in (STUDIES / "blindtest").glob("*_forms.py"))

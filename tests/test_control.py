@@ -1,28 +1,47 @@
-"""LQG on a frame: its filters against SciPy, the clipping law, and designs that cannot be."""
+"""LQG on a frame: its filters against SciPy, the clipping law, designs that cannot be; and a frame of a user's file
+with two dampers: its mechanics, its controllers, and `mine=`."""
 
 from __future__ import annotations
 
+import argparse
+import json
 import re
+import shlex
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import StateSpace, lsim
 
+from command_call import caller
+from excitation import Array
+from mrdamp.commands import controllers
+from mrdamp.compare.contenders import contenders
+from mrdamp.compare.dyke1996 import frame_model
+from mrdamp.compare.frame import FrameBench
 from mrdamp.control import ForceController, clipped_optimal
 from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
 from mrdamp.control.force_control import clip
-from mrdamp.control.lqg import first_order_hold, outputs, plant
+from mrdamp.control.least_command import LeastCommand
+from mrdamp.control.lqg import first_order_hold, outputs, plant, regulator_gain
+from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
+from mrdamp.control.policy import Policy
+from mrdamp.envs import FrameEnv
+from mrdamp.envs import training_loads as loads
+from mrdamp.envs.frame_xml import frame_models, frame_xml
 from mrdamp.errors import InputError
+from mrdamp.model import Model
 from mrdamp.motions import kanai_tajimi
 from mrdamp.structures import ShearFrame, dyke1996
 from mrdamp.train.imitation import Ground
 from refusals import refuses
 
-Array = NDArray[np.float64]
+
 def frame_of(
     mass: list[float], stiffness: list[float], damping: list[float], floors: tuple[int, int]
 ) -> ShearFrame:
@@ -171,8 +190,199 @@ def test_an_observer_has_the_states_behind_its_own() -> None:
 
 
 def test_what_cannot_be_a_ground() -> None:
-    with pytest.raises(InputError, match="allowed: numbers frequency, damping, noise_ratio, precision"):
-        Ground.of({"frequency": 50})
+    refuses(lambda: Ground.of({"frequency": 50}), "allowed: numbers frequency, damping, noise_ratio, precision")
     refuses(lambda: Ground(50.0, 0.5, 0.0, 1.0), "noise_ratio")
     with pytest.raises(InputError, match="sees no force"):
         Ground(50.0, 0.5, 1e5, 1.0).observed(Observer(("stroke",), (1.0,)), FRAME, PERIOD)
+
+
+MASS, STIFFNESS, DAMPING = [120.0, 110.0, 100.0, 80.0], [7e5, 6e5, 5e5, 4e5], [150.0, 90.0, 60.0, 40.0]
+PLACES = ((0, 1), (1, 2))
+PLAIN = Path(__file__).parents[1] / "examples" / "plain_ppo.yml"
+LOAD = kanai_tajimi(7, duration=5.0)
+OWN = '''
+class Two:
+    """1 V below, half a volt above; each only while its damper resists."""
+    name, period = "two", 0.002
+
+    def __init__(self, site):
+        assert site.dampers == 2
+
+    def reset(self):
+        pass
+
+    def command(self, t, y):
+        return [1.0, 0.5]
+
+
+class Three(Two):
+    def command(self, t, y):
+        return [1.0, 0.5, 0.0]
+'''
+
+
+run = caller(controllers.add_to)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model as a user writes it."""
+    path = tmp_path_factory.mktemp("model") / "tower.json"
+    damper = frame_model()
+    frame = ShearFrame(np.array(MASS), np.array(STIFFNESS), np.array(DAMPING))
+    replace(damper, structure=frame, name="tower").write(path)
+    return path
+
+
+def bench(file: Path, engine: str = "chain") -> FrameBench:
+    model = Model.read(file)
+    assert model.structure is not None
+    return FrameBench(replace(model, structure=replace(model.structure, others=PLACES[1:])), engine=engine)
+
+
+def test_the_plant_is_the_engines_own(file: Path) -> None:
+    """Accelerations of the floors for states and forces at random, from the joints' masses and springs in MuJoCo."""
+    known = bench(file).site.frame
+    models = frame_models(Model.read(file), None, PLACES)
+    m = mujoco.MjModel.from_xml_string(frame_xml(models, 1e-4))
+    m.opt.gravity[:] = 0.0
+    d, rng, linear = mujoco.MjData(m), np.random.default_rng(0), plant(known)
+    joints = [m.joint(f"storey{j}") for j in range(1, 5)]
+    at = [int(j.dofadr[0]) for j in joints]
+    for _ in range(5):
+        drift, rate = rng.standard_normal(4) * 1e-3, rng.standard_normal(4) * 1e-2
+        mujoco.mj_resetData(m, d)
+        d.qpos[[int(j.qposadr[0]) for j in joints]], d.qvel[at] = drift, rate
+        mujoco.mj_forward(m, d)
+        force = np.array([d.sensor("pull").data[0], d.sensor("pull_2").data[0]])
+        # Relative to the ground, whose own acceleration the engine has too.
+        own = np.cumsum(d.qacc[at])
+        state = np.concatenate([np.cumsum(drift), np.cumsum(rate)])
+        found = (linear.a @ state - linear.b @ force)[4:]
+        np.testing.assert_allclose(found, own, atol=2e-6)
+        stroke, _ = outputs(known, names := ["stroke", "stroke_2", "stroke_velocity_2", "drift_1", "drift_3"])
+        read = [float(d.sensor(name).data[0]) for name in names]
+        np.testing.assert_allclose(stroke @ state, read, rtol=1e-9, atol=1e-12)
+
+
+def test_the_regulator_of_two_forces_on_two_oscillators_is_that_of_each() -> None:
+    """x'' = -w^2 x + f: min of q x^2 + r f^2 gives k = [-w^2 + sqrt(w^4 + q/r), sqrt(2 k_1)] by hand."""
+    w, q, r = np.array([3.0, 5.0]), np.array([4.0, 9.0]), 0.1
+    a = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag(w**2), np.zeros((2, 2))]])
+    b, c = np.vstack([np.zeros((2, 2)), np.eye(2)]), np.hstack([np.eye(2), np.zeros((2, 2))])
+    k = regulator_gain(a, b, c, np.zeros((2, 2)), q, r)
+    first = -(w**2) + np.sqrt(w**4 + q / r)
+    np.testing.assert_allclose(k, np.hstack([np.diag(first), np.diag(np.sqrt(2 * first))]), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "spec", ["clipped-optimal", "force-tracking", "lyapunov", "skyhook", "max-dissipation:weak=80"]
+)
+def test_each_damper_has_a_command_of_its_own(file: Path, spec: str) -> None:
+    made, off = bench(file), "passive-off"
+    made.check(spec)
+    found, without = (made.history(s, LOAD, 1.0) for s in (spec, off))
+    assert found.command.shape == found.force.shape == (len(found.time), 2)
+    assert (found.command[:, 0] != found.command[:, 1]).any()
+    assert np.abs(found.drift).max() < np.abs(without.drift).max()
+    engine = np.abs(bench(file, "mujoco").history(spec, LOAD, 1.0).drift).max()
+    assert np.abs(found.drift).max() == pytest.approx(engine, rel=0.03)
+
+
+def test_a_command_for_each_damper_in_the_table(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own = tmp_path / "own_two.py"
+    own.write_text(OWN)
+    LOAD.save(tmp_path / "shake.csv")
+    call: list[str | Path] = ["compare", "frame", "--model", file, "--dampers", "0-1", "1-2", "--engine", "chain"]
+    call += ["--command-unit", "V", "--motions", tmp_path / "shake.csv", "--jobs", "1", "--json"]
+    assert run(*call, "--controllers", f"mine={own}:Two", "passive-on") == 0
+    found = json.loads(capsys.readouterr().out)["controllers"]
+    assert found["mine"]["measures"]["mean_command"]["mean"] == pytest.approx(0.75)
+    # Behind the driver's lag of 1/190 s, of five fifths of a second: 1 A at 3 V, 5 ohm, both coils.
+    lasts, lag = 1.0, 1 / 190
+    coils = 5.0 * (lasts - 1.5 * lag) * ((1 / 3) ** 2 + (0.5 / 3) ** 2)
+    assert found["mine"]["measures"]["coil_energy"]["mean"] == pytest.approx(coils, rel=5e-3)
+    with pytest.raises(InputError, match=r"its command at 0 s is .*; allowed: a finite number, or 2 of them"):
+        run(*call, "--controllers", f"mine={own}:Three")
+
+
+def test_a_model_of_stable_baselines3_commands_both(file: Path, tmp_path: Path) -> None:
+    sb3 = pytest.importorskip("stable_baselines3", reason="needs stable-baselines3")
+    model = sb3.PPO("MlpPolicy", FrameEnv(model=file, damper_between=PLACES), seed=0, device="cpu")
+    model.policy.action_net.weight.data.zero_()
+    model.policy.action_net.bias.data[:] = sb3.common.utils.th.tensor([0.0, -0.5])
+    model.save(tmp_path / "model.zip")
+    made = bench(file)
+    ((spec,),) = (row.specs for row in contenders(made, [f"mine={tmp_path / 'model.zip'}"], {}))
+    # A half and a quarter of 2.25 V.
+    found = made.history(spec, LOAD, 1.0).command
+    np.testing.assert_allclose(found, np.tile([1.125, 0.5625], (len(found), 1)), rtol=1e-6)
+
+
+def test_a_policys_outputs_are_the_dampers_commands(file: Path, tmp_path: Path) -> None:
+    """Actions 0 and -1/2 are a half and a quarter of 2.25 V, in a run and in rows of many."""
+    seen = Observer(("stroke", "force_2"), (1.0, 1.0), command_max=(2.25, 2.25))
+    network = Network(((np.zeros((2, 4)), np.array([0.0, -0.5])),))
+    Policy("both", 5e-3, seen, np.eye(4), network, 2.25).write(tmp_path / "policy.json")
+    made = bench(file)
+    ((spec,),) = (row.specs for row in contenders(made, [f"mine=policy:{tmp_path / 'policy.json'}"], {}))
+    found = made.history(spec, LOAD, 1.0).command
+    np.testing.assert_allclose(found, np.tile([1.125, 0.5625], (len(found), 1)), rtol=1e-12)
+    rows = made.controller(spec).command(0.0, dict.fromkeys(made.measured, np.zeros(3)))  # type: ignore[arg-type]
+    np.testing.assert_allclose(rows, [[1.125] * 3, [0.5625] * 3], rtol=1e-12)
+    least = LeastCommand(1.0, 2.0, 1.0, 1.0)
+    refuses(lambda: Policy("b", 5e-3, seen, np.eye(4), network, 2.25, least=least), "for 2 dampers; allowed")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", ["es", "ppo", "both"])
+def test_what_is_trained_on_a_users_frame_is_compared_on_it(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, algorithm: str
+) -> None:
+    """From the model's file to the table, whose peaks are those of the environment's own episode in the engine."""
+    pytest.importorskip("stable_baselines3", reason="needs stable-baselines3")
+    few = loads.validation_motions(1, (1.0,))
+    monkeypatch.setattr("mrdamp.envs.frame.validation_motions", lambda: few)
+    LOAD.save(tmp_path / "shake.csv")
+    call: list[str | Path] = ["compare", "frame", "--model", file, "--motions", tmp_path / "shake.csv", "--jobs", "1"]
+    arguments: dict[str, Any] = {"model": file, "timestep": 2.5e-4}
+    few_rows = "n_envs=4 n_steps=32 batch_size=64"
+    own = {
+        "es": "loads=2 population=4", "ppo": f"{few_rows} pool=4 freeze=0",
+        "both": f"{few_rows} env_kwargs.reward=null env_kwargs.damper_between=[[0,1],[1,2]]",
+    }[algorithm]  # fmt: skip
+    options = f"mrdamp/Frame-v0 --timesteps 600 --evaluations 1 --set {own} --algo".split()
+    options += ["ppo", "--hyperparameters", str(PLAIN)] if algorithm == "both" else [algorithm]
+    if algorithm == "both":
+        arguments["damper_between"] = PLACES
+        call += ["--dampers", "0-1", "1-2"]
+    assert run("train", *options, "--model", file, "-o", tmp_path / "out") == 0
+    capsys.readouterr()
+    found = f"mine=policy:{tmp_path / 'out'}"
+    assert run(*call, "--json", "--controllers", "passive-on", found) == 0
+    measures = json.loads(capsys.readouterr().out)["controllers"]["mine"]["measures"]
+    made = bench(file, "mujoco") if "damper_between" in arguments else FrameBench(Model.read(file))
+    ((spec,),) = (row.specs for row in contenders(made, [found], {}))
+    controller = made.controller(spec)
+    env = FrameEnv(period=controller.period, signals=["force"], **arguments)
+    env.reset(options={"motion": LOAD.compressed(5.0)})
+    controller.reset()
+    over, task = False, env.task
+    while not over:
+        y = dict(zip(task.rows.names, task.measured[0].tolist(), strict=True))
+        command = controller.command(float(task.rows.plants.step[0]) * task.rows.plants.timestep, y)
+        action = np.broadcast_to(2.0 * np.asarray(command) / task.command_max - 1.0, task.command_max.shape)
+        _, _, _, over, info = env.step(action.astype(np.float32))
+    assert measures["J1"]["mean"] == pytest.approx(info["drift_ratio"], rel=0.01)
+    assert measures["J2"]["mean"] == pytest.approx(info["acceleration_ratio"], rel=0.03)
+
+
+def test_the_pages_command_is_the_one_that_was_given() -> None:
+    parser = argparse.ArgumentParser()
+    controllers.add_to(parser.add_subparsers())
+    given = "compare frame --controllers a b=c:d=1 --motions x y --speed 12.5 --amplitudes 0.25 1 --compression 2"
+    given += " --model m.json --dampers 0-1 1-2 --told t.json --spread 2.5 9 --command-unit V --period 2 --engine chain"
+    for call in (f"{given} --bound 3 -o out", "compare cable -o out"):
+        a = parser.parse_args(call.split())
+        again = parser.parse_args(shlex.split(controllers._command(a))[1:])
+        assert {k: str(v) for k, v in vars(again).items()} == {k: str(v) for k, v in vars(a).items()}

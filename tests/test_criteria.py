@@ -1,15 +1,30 @@
-"""Criteria on arrays whose values are known by hand."""
+"""Criteria on arrays whose values are known by hand; means, worst cases and intervals of a comparison; a frame that is
+not as controllers are told."""
 
 from __future__ import annotations
 
+import json
+import math
 import re
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from command_call import caller
+from mrdamp.commands.controllers import add_to
+from mrdamp.compare.benches import scaled
+from mrdamp.compare.comparison import difference, interval, summarise
+from mrdamp.compare.dyke1996 import frame_model
+from mrdamp.compare.frame import FrameBench
+from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
+from mrdamp.control.force_control import ForceController
+from mrdamp.control.told import Told
+from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.criteria import Criteria, evaluate
-from mrdamp.structures import ShearFrame
+from mrdamp.structures import ShearFrame, dyke1996
 from refusals import refuses
 
 FRAME = ShearFrame(np.array([10.0, 20.0]), np.array([1e4, 1e4]), np.array([1.0, 1.0]))
@@ -97,3 +112,104 @@ def test_a_command_counts_by_its_size_and_for_as_long_as_it_is_held() -> None:
 def test_bad_arrays_get_one_line(change: dict[str, Any], says: str) -> None:
     good = {"time": [0.0, 1.0, 2.0], "drift": np.ones((3, 2)), "acceleration": np.ones((3, 2))}
     refuses(lambda: evaluate(FRAME, **{**good, **change}), re.escape(says))
+
+
+def test_intervals_are_those_of_the_normal_theory() -> None:
+    rng = np.random.default_rng(3)
+    motions = rng.normal(0.5, 0.1, 200)
+    values = np.repeat(motions[None, :, None], 3, axis=2)
+    low, high = interval(values)
+    half = 1.96 * motions.std() / math.sqrt(200)  # the amplitudes of a motion are one draw
+    assert (high - low) / 2 == pytest.approx(half, rel=0.08)
+    assert (high + low) / 2 == pytest.approx(motions.mean(), abs=0.1 * half)
+    seeds = rng.normal(0.0, 0.1, 60)
+    low, high = interval(seeds[:, None, None] + np.zeros((1, 5, 1)))
+    assert (high - low) / 2 == pytest.approx(1.96 * seeds.std() / math.sqrt(60), rel=0.1)
+
+
+def test_mean_and_worst() -> None:
+    values = np.array([[[0.2, 0.6], [0.4, 1.0]]])
+    s = summarise(values)
+    assert s.mean == pytest.approx(0.55)
+    assert s.worst == 1.0
+    assert 0.4 <= s.low < s.mean < s.high <= 0.7
+    assert np.isnan(interval(values[:, :1])).all()
+    refuses(lambda: summarise(np.ones(3)), "shape")
+
+
+def test_a_shift_that_is_the_same_everywhere_is_certain() -> None:
+    rng = np.random.default_rng(0)
+    other = rng.uniform(0.2, 1.0, (1, 6, 3))
+    seeds = np.repeat(other, 4, axis=0) - 0.05
+    s = difference(seeds, other)
+    assert s.low == pytest.approx(-0.05)
+    assert s.high == pytest.approx(-0.05)
+    assert summarise(seeds).high - summarise(seeds).low > 0.1
+    refuses(lambda: difference(seeds[:, :5], seeds), "cannot be paired")
+
+
+def test_seeds_of_two_trainings_are_drawn_apart_and_motions_together() -> None:
+    rng = np.random.default_rng(1)
+    motions = rng.uniform(0.2, 1.0, (1, 400, 1))
+    mine, others = rng.normal(0.0, 0.1, (40, 1, 1)), rng.normal(0.0, 0.05, (50, 1, 1))
+    s = difference(motions + mine, motions + others)
+    half = 1.96 * np.sqrt(mine.var() / 40 + others.var() / 50)  # motions are common and cancel out
+    assert (s.high - s.low) / 2 == pytest.approx(half, rel=0.08)
+    assert s.mean == pytest.approx(mine.mean() - others.mean())
+    assert s.worst == pytest.approx(mine.max() - others.min())
+    # As many seeds of either: their order has no meaning.
+    s = difference(motions + mine, motions + mine)
+    assert s.mean == pytest.approx(0.0, abs=1e-12)
+    assert (s.high - s.low) / 2 == pytest.approx(1.96 * mine.std() * np.sqrt(2 / 40), rel=0.1)
+
+
+run = caller(add_to)
+#: 5.16e5, 6.84e5, 6.84e5 N/m less a tenth, typed in.
+SOFT = ShearFrame(np.full(3, 98.3), np.array([464400.0, 615600.0, 615600.0]), np.array([125.0, 50.0, 50.0]))
+NAMES = ("passive-on", "clipped-optimal:balance=100,r=1e-8,noise_ratio=2000")
+
+
+def test_a_tenth_of_stiffness_or_mass_moves_the_frequencies_by_its_root() -> None:
+    nominal = dyke1996().frequencies
+    for part, power in (("stiffness", 0.5), ("mass", -0.5)):
+        frame = scaled(frame_model(), part, 1.21).structure
+        assert frame is not None
+        np.testing.assert_allclose(frame.frequencies / nominal, 1.21**power, rtol=1e-12)
+
+
+def test_controllers_are_made_for_what_they_are_told() -> None:
+    model = replace(frame_model(), structure=SOFT)
+    for bench, told in ((FrameBench(model), SOFT), (FrameBench(model, told=frame_model()), dyke1996())):
+        made = bench.controller(NAMES[1].replace("balance=100,", ""))
+        assert isinstance(made, Told)
+        assert isinstance(made.inner, ForceController)
+        assert isinstance(made.inner.aim, OptimalForce)
+        wanted = optimal_force(told, r=1e-8, noise_ratio=2000.0)
+        np.testing.assert_allclose(made.inner.aim.k, wanted.k)
+        np.testing.assert_allclose(made.inner.aim.estimator.gain, wanted.estimator.gain)
+
+
+def test_the_spread_is_that_of_frames_typed_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its gain on the softer frame is that of a file of that frame, with the nominal one told."""
+    for seed in (1, 2):
+        kanai_tajimi(seed, duration=2.5).save(tmp_path / f"shake_{seed}.csv")
+    replace(frame_model(), structure=SOFT).write(tmp_path / "soft.json")
+    frame_model().write(tmp_path / "thought.json")
+    call: list[str | Path] = ["compare", "frame", "--motions", *tmp_path.glob("shake_*.csv"), "--engine", "chain"]
+    call += ["--jobs", "1", "--command-unit", "V", "--json"]
+    assert run(*call, "--controllers", *NAMES, "--spread", "10", "-o", tmp_path / "out") == 0
+    found = json.loads(capsys.readouterr().out)["controllers"][NAMES[1]]["spread"]
+    assert set(found) == {f"{part} {sign}10 %" for part in ("stiffness", "mass") for sign in "+-"}
+    text = (tmp_path / "out" / "table.md").read_text()
+    assert "not as controllers are told" in text
+
+    def gain(*more: str | Path) -> float:
+        assert run(*call, "--controllers", *NAMES, "--model", tmp_path / "soft.json", *more) == 0
+        rows = json.loads(capsys.readouterr().out)["controllers"]
+        on, own = (sum(rows[name]["measures"][key]["mean"] for key in ("J1", "J2")) / 2 for name in NAMES)
+        return own - on  # type: ignore[no-any-return]
+
+    wrong, right = gain("--told", tmp_path / "thought.json"), gain()
+    # Rows take peaks within control periods as well.
+    assert found["stiffness -10 %"]["mean"] == pytest.approx(wrong, abs=0.01)
+    assert right < wrong  # a controller of the true frame does better

@@ -127,7 +127,7 @@ TOGETHER = (
 @cache
 def twin(base: str, names: tuple[str, ...], kind: str) -> dict[str, Array]:
     b = BASES[base]
-    return simulate(b.law, with_effects(b, *names), motion(), grid(COARSE, END), command(b, kind))
+    return simulate(b.law, with_effects(b, *names), motion(), grid(COARSE, END), command(b, kind), rtol=1e-6)
 
 
 def run(

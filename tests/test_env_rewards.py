@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,17 +13,21 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import spearmanr
 
+from env_arguments import dashpot
 from mrdamp.control.passive import Constant
+from mrdamp.envs import AmbientLoads, CableEnv, FrameEnv
 from mrdamp.envs.cable import CableReward, free_run
 from mrdamp.envs.car import CarReward, linear_run
 from mrdamp.envs.frame import FrameReward, reference_run
 from mrdamp.envs.weights import Score, Weights
 from mrdamp.model import Model
+from mrdamp.motions import kanai_tajimi
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cables import StayCable
 from mrdamp.structures.cars import QuarterCar
 from mrdamp.train.worlds import world
 
+STRONG = kanai_tajimi(3, duration=12.0, pga=5.0).compressed(5.0)
 NOTHING = {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
 
 
@@ -53,6 +59,29 @@ def test_a_free_cable_follows_a_load_along_its_lines() -> None:
     motion, shaking, held = free_run(cable, forces, step)
     of = cable.mass * cable.length
     assert (motion * of, shaking * of, held) == pytest.approx((*squares, energy.max()), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("make", "options", "ratios"),
+    [
+        (FrameEnv, {"motion": STRONG}, ("drift_ratio", "acceleration_ratio")),
+        (partial(CableEnv, loads=AmbientLoads(duration=6.0)), {}, ("motion_ratio",)),
+    ],
+)
+def test_a_damper_that_does_nothing_has_ratios_of_one(
+    make: Callable[..., Any], options: dict[str, Any], ratios: tuple[str, ...]
+) -> None:
+    """The structure alone is the reference; it is solved elsewhere, by SciPy."""
+    env = make(model=dashpot(0.0), command_max=1.0)
+    env.reset(seed=1, options=options)
+    total, over = 0.0, False
+    info: dict[str, Any] = {}
+    while not over:
+        _, reward, _, over, info = env.step(np.ones(1, np.float32))
+        total += reward
+    assert total == pytest.approx(-100, rel=1e-2)
+    assert [info[name] for name in ratios] == pytest.approx([1.0] * len(ratios), abs=1e-2)
+    assert info["dissipated_energy"] == 0.0
 
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0, 3.0])

@@ -99,8 +99,7 @@ def test_a_controller_reads_the_strokes_velocity_and_its_error_is_told(motion: G
         def command(self, t: float, y: Mapping[str, float]) -> float:
             raise InputError("no command")
 
-    with pytest.raises(InputError, match="no command"):
-        plain().run(motion, Broken())
+    refuses(lambda: plain().run(motion, Broken()), "no command")
 
 
 def test_a_closed_loop_record_has_the_command_beside_what_it_does(
@@ -187,6 +186,7 @@ def answer(corrected: Model, drawn: tuple[Model, ...], named: tuple[Effect, ...]
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, motion: GroundMotion
 ) -> None:

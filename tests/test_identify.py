@@ -18,7 +18,7 @@ from excitation import from_rest, multisine, random_steps, sine, wave
 from laboratory import TRUE, rig_tests
 from mrdamp import sets
 from mrdamp.cli import main
-from mrdamp.identify import Fit, RecordError, error, identify, pooled
+from mrdamp.identify import Fit, error, identify
 from mrdamp.identify.findings import findings
 from mrdamp.identify.intervals import channel_findings, intervals
 from mrdamp.identify.least_squares import bounded_least_squares
@@ -43,20 +43,6 @@ def test_embedded_records_and_the_same_answer_for_any_threads() -> None:
     assert fits[0].held_out_nrmse < 0.3
     # A law without hysteresis, lag and saturation must be worse on these.
     assert plain.held_out_nrmse > 1.3 * fits[0].held_out_nrmse
-
-
-def test_errors_are_pooled_by_their_squares() -> None:
-    errors = (RecordError("a", 3.0, 0.3), RecordError("b", 4.0, 0.1))
-    assert pooled(errors) == pytest.approx(math.sqrt((9 + 16) / (100 + 1600)))
-
-
-def test_the_error_is_that_of_the_free_run() -> None:
-    """What is left of SciPy's records are the noise put in."""
-    train = rig_tests("bingham", chosen=(0, 4, 8))
-    fit = identify("bingham", train, starts=1)
-    e = error(fit.model, train[1])
-    assert e.nrmse == pytest.approx(0.01, rel=0.1)
-    assert e.rmse == pytest.approx(e.nrmse * float(np.std(train[1].channel("force_N")[20:])), rel=1e-6)
 
 
 def test_bad_input_is_told() -> None:
@@ -133,7 +119,7 @@ def multisines(law: str) -> tuple[Record, ...]:
     return tuple(out)
 
 
-@pytest.mark.parametrize("factor", [0.6, 1.4])
+@pytest.mark.parametrize("factor", [pytest.param(0.6, marks=pytest.mark.slow), 1.4])
 @pytest.mark.parametrize("law", AIMED)
 def test_a_start_forty_percent_off_arrives(law: str, factor: float) -> None:
     true = AIMED[law]

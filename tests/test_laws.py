@@ -18,7 +18,7 @@ IDS = sets.names()
 KINDS = ("sine", "start", "triangle", "steps")
 STEPS_MS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 GRID = 5e-4  # s, of the reference
-END = 1.6  # s
+END = 1.1  # s
 STEMS = ("c0", "c1", "alpha", "fy", "f0", "k1")  # coefficients that may follow the field
 
 

@@ -26,7 +26,6 @@ from mrdamp.records.log_filter import (
     jumps,
     logged,
     rings_before_jumps,
-    unfolded,
     without_waves,
 )
 from mrdamp.simulation.predict import free_run
@@ -108,14 +107,6 @@ def test_an_unfiltered_log_keeps_its_lines_and_its_ground_runs_smoothly() -> Non
     np.testing.assert_array_equal(logged(np.vstack([ground, command]), False), np.vstack([tone, jump]))
 
 
-def test_what_the_log_can_hold_passes_a_filtered_clock_and_back() -> None:
-    t = DT * np.arange(600)
-    tone = np.sin(2 * np.pi * 90 * t + 0.3)
-    ground, _ = finer(tone, tone, True)
-    keep = slice(30, -30)
-    assert logged(ground, True)[keep] == pytest.approx(tone[keep], abs=5e-3)
-
-
 #: Friction that turns within a sample or two.
 LAW = {"c0a": 800.0, "c0b": 600.0, "fya": 80.0, "fyb": 600.0, "v_ref": 0.004}
 
@@ -183,14 +174,6 @@ def test_a_model_tells_of_the_filter_where_a_records_own_command_cannot(tmp_path
     untold = free_run(replace(model, extra={}), held)["force_N"]
     assert np.abs(untold - free_run(model, held)["force_N"]).max() > 0.02 * np.abs(untold).max()
     assert agreement(model, held).within
-
-
-def test_a_filtered_log_has_what_was_between_its_samples() -> None:
-    x = triangle(1.2, 0.012)
-    got = unfolded(decimated(x), 4)
-    assert len(got) == 4 * (len(decimated(x)) - 1) + 1
-    off = np.abs(got - x[:: EVERY // 4][: len(got)])[240:-240]
-    assert off.max() < 2e-3 * 0.012
 
 
 LINES = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}

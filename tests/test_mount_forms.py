@@ -40,7 +40,7 @@ def inner(rates: Rates) -> np.ndarray:
         speed = 0.03 * np.pi * np.cos(3 * np.pi * t) + 0.0136 * np.pi * np.cos(34 * np.pi * t)
         return rates(rod - y[0], speed, y)
 
-    return np.asarray(solve_ivp(at, (0, T[-1]), [0.0, 0.0], t_eval=T, max_step=1e-4, rtol=1e-6, atol=1e-9).y)
+    return np.asarray(solve_ivp(at, (0, T[-1]), [0.0, 0.0], "LSODA", T, max_step=2e-4, rtol=1e-7, atol=1e-10).y)
 
 
 def errors(mount: dict[str, float], expected: np.ndarray, *wrong: tuple[dict[str, float], float]) -> None:

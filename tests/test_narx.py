@@ -1,18 +1,32 @@
-"""NARX networks: the plugin's free run against NumPy's, other timesteps, and where weights come from."""
+"""NARX networks: the plugin's free run against NumPy's, other timesteps, where weights come from; and the commands as a
+user calls them."""
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from command_call import caller
 from dampers import rms
 from excitation import Array, multisine, random_steps, sine, wave
 from mjcf_builders import HEAVY, Damper, Sensor, compiled, document, drive, grid, slider
-from mrdamp.model import core
-from networks import Network, random_network
+from mrdamp.commands.identify import add_to
+from mrdamp.model import Model, core
+from mrdamp.narx import splits
+from mrdamp.narx.network import Network
+from mrdamp.parallel import Kept
+from mrdamp.records import Record, embedded
+from mrdamp.simulation.stepping import drive_rig
+from narx_data import made, motion, recursion
+from networks import Network as Written
+from networks import random_network, twin
 from refusals import refuses
 
 NETWORKS = {
@@ -40,7 +54,7 @@ def rig(
     return document(slider(HEAVY), [damper], (Sensor(),), timestep=timestep, extra=extra)
 
 
-def custom(net: Network) -> str:
+def custom(net: Written) -> str:
     return f'<custom><text name="net" data="{net.text()}"/></custom>'
 
 
@@ -133,3 +147,207 @@ def test_broken_weights_are_named_in_one_line(row: tuple[str, str, str, str]) ->
     text = NETWORKS["one layer"].text()
     assert old in text
     refuses(lambda: core.Narx(text.replace(old, new, 1)), f"^NARX weights: .*{re.escape(message)}")
+
+
+SMALL = ("--law", "narx", "--hidden", "4", "--lags", "1", "--initialisations", "1")
+
+
+run = caller(add_to)
+
+
+def as_record(n: int, seed: int, name: str, command: float | None = None) -> Record:
+    s = made(n, seed, name=name)
+    channels = {"displacement_m": s.x, "velocity_m_s": s.v, "command": s.i, "force_N": s.force}
+    if command is not None:
+        i = np.full(n, command)
+        noise = np.random.default_rng(seed).normal(0.0, 2.0, n)
+        channels |= {"command": i, "force_N": recursion(s.x, s.v, i, s.sample_time) + noise}
+    return Record(name, None, s.sample_time, channels)
+
+
+def saved(root: Path, train: list[Record], validation: list[Record]) -> Path:
+    for half, records in (("train", train), ("validation", validation)):
+        (root / half).mkdir(parents=True)
+        for r in records:
+            r.save(root / half / f"{r.name}.csv.gz", digits=15)
+    return root
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("set")
+    return saved(root, [as_record(600, 1, "a"), as_record(500, 2, "b")], [as_record(400, 3, "c")])
+
+
+def errors(text: str, record: str) -> tuple[float, float, float, float]:
+    """RMS error and NRMSE in free run, then one step ahead, of a record's row."""
+    row = next(line.split() for line in text.splitlines() if line.split()[:1] == [record])
+    return float(row[2]), float(row[4]), float(row[5]), float(row[7])
+
+
+def test_both_errors_are_printed_and_the_model_runs_in_mujoco(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, picture, page = tmp_path / "m.json", tmp_path / "p.png", tmp_path / "p.html"
+    assert run("identify", folder, *SMALL, "--json", "--picture", picture, "--page", page, "-o", out) == 0
+    said = capsys.readouterr()
+    text, report = said.err, json.loads(said.out)
+    model = Model.read(out)
+    assert model.weights is not None
+    net = Network.from_text(model.weights)
+    assert net.topology == "6-4-1"
+    assert "narx 6-4-1: 33 weights" in text
+    assert (report["topology"], report["weights"]) == ("6-4-1", 33)
+    assert report["test"]["free_run"] == {"nrmse": None, "records": []}
+    s = made(400, 3)
+    found = errors(text, "c")
+    for k, way in enumerate(("free_run", "one_step")):
+        (row,) = report["validation"][way]["records"]
+        assert row["record"] == "c"
+        assert (row["rmse_N"], row["nrmse"]) == pytest.approx(found[2 * k : 2 * k + 2], rel=1e-3, abs=0.06)
+    force = twin(net).free_run(s.x, s.v, s.i)[10:]
+    assert found[0] == pytest.approx(float(np.sqrt(np.mean((force - s.force[10:]) ** 2))), abs=0.2)
+    assert found[1] == pytest.approx(found[0] / float(np.std(s.force)), abs=2e-3)
+    one = net.forward(s.regressors(net.inputs)[2:])
+    assert found[2] == pytest.approx(float(np.sqrt(np.mean((one - s.force[2:]) ** 2))), abs=0.2)
+    assert "the training records suffice: " in text
+    assert sorted(p.name for p in tmp_path.glob("*.png")) == ["p-free_run.png", "p-one_step.png"]
+    html = page.read_text()
+    assert "The training records suffice" in html
+    assert "<svg" in html
+    assert not list(tmp_path.glob("*.unfinished"))
+    x, v, i = motion(300, net.sample_time, 8)
+    driven = drive_rig(
+        Model.read(out),
+        net.sample_time,
+        {"displacement_m": x, "velocity_m_s": v, "command": i},
+        net.sample_time,
+    )["force_N"]
+    expected = twin(net).free_run(x, v, i)
+    np.testing.assert_allclose(driven, expected, rtol=0.0, atol=1e-9 * float(np.std(expected)))
+
+
+def test_protocol_of_varying_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One record in three parts; its share of the RMS force as the paper gives it; the others are tests."""
+    name = "sine_5.0Hz_2.5mm_random_current"
+    call = ("identify", *SMALL, "--protocol", "varying", "--record", name, "--counts", "1200:600:500")
+    assert run(*call, "-o", tmp_path / "m.json") == 0
+    text = capsys.readouterr().out
+    rmse, _, one, _ = errors(text, f"{name}:test")
+    force = embedded()[name].channel("force_N")[1800:2300]
+    rms = float(np.sqrt(np.mean(force**2)))
+    line = next(row for row in text.splitlines() if row.startswith("test part"))
+    assert f"free run {rmse:.1f} N, {100 * rmse / rms:.2f}"[:-1] in line
+    assert f"one step {one:.1f} N, {100 * one / rms:.2f}"[:-1] in line
+    for other in ("sine_1.0Hz_2.5mm_random_current", "triangle_2.5Hz_2.5mm_random_current"):
+        errors(text, other)  # the paper's testing sets 1 and 2
+
+
+def test_protocols_take_the_records_that_they_say() -> None:
+    half = splits.of_records(splits.at_constant_command(embedded(), 0.5))
+    assert {s.name for s in half.train} == {"sine_5.0Hz_5.0mm_0.50A", "triangle_1.0Hz_5.0mm_0.50A"}
+    assert {s.name for s in half.validation} == {"sine_2.5Hz_1.0mm_0.50A", "triangle_2.5Hz_5.0mm_0.50A"}
+    assert (half.channels, half.lags, half.units) == ("vF", 4, (9,))
+    whole = splits.of_records(embedded())
+    assert (whole.channels, whole.lags, whole.units) == ("viF", 4, (20,))
+    cases: tuple[tuple[Callable[[], object], str], ...] = (
+        (
+            lambda: splits.of_records(splits.at_constant_command(embedded(), 0.6)),
+            "no training record at the constant command 0.6",
+        ),
+        (lambda: splits.varying_command(embedded(), "sine_2.5Hz_5.0mm_0.00A"), "the command never varies"),
+        (
+            lambda: splits.varying_command(embedded(), counts=(90000, 9, 9)),
+            "are too few for 90018 samples",
+        ),
+    )
+    for call, message in cases:
+        refuses(call, message)
+
+
+@pytest.mark.slow
+def test_choice_and_pruning_draw_their_courses(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "m.json"
+    call = ("identify", folder, *SMALL, "--select", "--max-lags", 2, "--max-units", 3, "--inputs", "xv,viF")
+    assert run(*call, "--prune", "--picture", tmp_path / "p.svg", "-o", out) == 0
+    text = capsys.readouterr().out
+    rows = [line.split() for line in text.splitlines()]
+    free = {row[0]: float(row[1]) for row in rows if row and row[0] in ("xv", "viF")}
+    assert free["viF"] < 0.5 * free["xv"]  # the force's memory is needed
+    assert next(row for row in rows if row[:1] == ["chosen:"])[2] == "viF,"
+    weights = [int(row[0]) for row in rows if len(row) == 5 and row[0].isdigit()]
+    assert weights == sorted(weights, reverse=True)
+    kept = json.loads(out.read_text())["network"]["weights"]
+    assert kept in weights
+    assert {p.name for p in tmp_path.glob("*.svg")} == {"p-choice.svg", "p-pruning.svg"}
+
+
+@pytest.mark.slow
+def test_two_jobs_find_the_same_and_a_broken_search_goes_on(tmp_path: Path) -> None:
+    records = saved(tmp_path / "set", [as_record(200, 1, "a")], [as_record(100, 3, "c")])
+    call = ("identify", records, *SMALL, "--initialisations", 2, "--refined", 2)
+    one, two = tmp_path / "one.json", tmp_path / "two.json"
+    run(*call, "-o", one)
+    puts: list[str] = []
+    most = 5
+    keep = Kept.add
+
+    def put(self: Kept, name: str, result: dict[str, Any]) -> None:
+        if len(puts) == most:
+            raise KeyboardInterrupt
+        puts.append(name)
+        keep(self, name, result)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Kept, "add", put)
+        with pytest.raises(KeyboardInterrupt):
+            run(*call, "-o", two)
+        assert not two.exists()
+        most = 99
+        run(*call, "--jobs", 2, "-o", two)
+    assert len(puts) == len(set(puts)) == 12  # two starts, and five horizons of each, none of them twice
+    assert Model.read(one).weights == Model.read(two).weights
+
+
+def test_records_that_do_not_suffice_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Trained at one small command, asked about three times as large a one."""
+    root = saved(
+        tmp_path / "set",
+        [as_record(600, 1, "a", 0.3), as_record(500, 2, "b", 0.4)],
+        [as_record(400, 3, "c", 1.2)],
+    )
+    run("identify", root, *SMALL, "-o", tmp_path / "m.json")
+    line = next(row for row in capsys.readouterr().out.splitlines() if "suffice" in row)
+    assert line.startswith("the training records do not suffice: ")
+    assert "i leaves its training range most in c" in line
+
+
+def test_bad_input_is_told_in_a_line(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "m.json"
+    good = as_record(600, 1, "a")
+    still = good.with_channels({"command": np.full(good.n, 0.5)})
+    stuck = good.with_channels({"displacement_m": np.zeros(good.n)})
+    cut = good.with_channels({"force_N": np.minimum(good.channel("force_N"), 300.0)})
+    sets = {
+        name: saved(tmp_path / name, [record.part(0.0, 0.6)], [record.part(0.6, 1.2)])
+        for name, record in (("still", still), ("stuck", stuck), ("cut", cut))
+    }
+    cases: tuple[tuple[tuple[str | Path, ...], str], ...] = (
+        ((sets["still"], *SMALL, "--inputs", "viF"), "the command never varies"),
+        ((sets["still"], *SMALL, "--protocol", "varying"), "the command never varies in any record"),
+        ((folder, *SMALL, "--protocol", "constant"), "no training record has a constant command"),
+        ((sets["stuck"], *SMALL), "channel displacement_m is constant"),
+        ((sets["cut"], *SMALL), "clipped"),
+        ((folder, *SMALL, "--hidden", "90"), "1100 samples for 721 weights; at least 1442"),
+        ((folder, *SMALL, "--hidden", "many"), "--hidden many: whole numbers"),
+        ((folder, *SMALL, "--inputs", "vq"), "network input q:0"),
+        ((folder, *SMALL, "--counts", "1:2", "--protocol", "varying"), "--counts 1:2"),
+        ((folder, *SMALL, "--refined", "2"), "1, 2 of them refined"),
+        ((folder, *SMALL, "--picture", "p.bmp"), r"\.svg, \.png or \.pdf"),
+        ((folder, *SMALL, "--jobs", "0"), "--jobs"),
+    )
+    for arguments, message in cases:
+        refuses(partial(run, "identify", *arguments, "-o", out), message)
+        assert not out.exists()

@@ -11,7 +11,6 @@ from scipy.stats import multivariate_normal
 
 from excitation import Array
 from mrdamp.model import core
-from mrdamp.narx import network as nn
 from mrdamp.narx.bayes import effective, minimise
 from mrdamp.narx.data import lagged
 from mrdamp.narx.network import Network, regressors
@@ -22,20 +21,6 @@ from networks import twin
 from refusals import refuses
 
 SHAPES: tuple[tuple[int, ...], ...] = ((), (5,), (4, 3))
-
-
-@pytest.mark.parametrize("hidden", SHAPES, ids=str)
-def test_jacobian_is_that_of_differences(hidden: tuple[int, ...]) -> None:
-    net = small(hidden)
-    values = made(60, 1).regressors(net.inputs)
-    exact = nn.derivatives(net.layers, net.scaled(values))[1] * net.force_scale
-    assert exact.shape == (60, len(net.theta))
-    for k in range(len(net.theta)):
-        step = np.zeros(len(net.theta))
-        step[k] = 1e-6
-        difference = (net.with_theta(net.theta + step).forward(values)
-                      - net.with_theta(net.theta - step).forward(values)) / 2e-6  # fmt: skip
-        np.testing.assert_allclose(exact[:, k], difference, rtol=1e-6, atol=1e-5)
 
 
 @pytest.mark.parametrize("hidden", SHAPES, ids=str)

@@ -2,6 +2,8 @@
 
 Records are used from ../shared/data. Truth: the owners' notes and causes that are seen without a law (../shared/design,
 natural gaps); the errors on kept records are measured.
+
+Signatures of loops whose size is known, and the delay of a displacement by the accelerometer.
 """
 
 from __future__ import annotations
@@ -17,8 +19,12 @@ import numpy as np
 import pytest
 
 from mrdamp.diagnosis.case.folder import read_case
+from mrdamp.diagnosis.channels.motion import motion
+from mrdamp.diagnosis.fits.stall import Stalls
 from mrdamp.diagnosis.form import form_of
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Term
 from mrdamp.diagnosis.run import diagnose
+from mrdamp.diagnosis.signatures.loops import Strokes, compared
 from mrdamp.identify import identify
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array
@@ -142,3 +148,139 @@ def test_nominal_frame(name: str) -> None:
         for floor in (1, 2, 3):
             want = c[f"nominal_floor{floor}_acceleration"]
             assert off(out[f"floor{floor}_acceleration_m_s2"], want) < 0.03, (test, floor)
+
+
+def sine(amplitude: float = 0.01, n: int = 4000, cycles: float = 5.0) -> Array:
+    return np.asarray(amplitude * np.sin(2 * np.pi * cycles * np.arange(n) / n + 0.3))
+
+
+def loop(x: Array, friction: float, preload: float = 0.0, gap: float = 0.0) -> Array:
+    """Dry friction behind a clearance: no force for the travel `gap` after a turn, then all of it."""
+    play = np.empty_like(x)
+    play[0] = x[0]
+    for k in range(1, len(x)):
+        play[k] = min(max(play[k - 1], x[k] - gap / 2), x[k] + gap / 2)
+    moved = np.concatenate([[0.0], np.diff(play)])
+    return preload + friction * np.sign(np.round(moved, 12))
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.002, 0.005])
+def test_a_clearance_is_the_travel_without_force(gap: float) -> None:
+    x = sine()
+    assert Strokes.of([x]).stalls(loop(x, 100.0, gap=gap)) == pytest.approx(gap, abs=1.5e-4)
+
+
+def test_preload_and_friction_are_read_from_the_strokes_of_both_directions() -> None:
+    x = sine()
+    strokes = Strokes.of([x, np.zeros(5), x[::-1]])
+    up, down = strokes.levels(np.concatenate([loop(x, 80.0, preload=35.0), np.zeros(5), loop(x[::-1], 20.0)]))
+    assert up == pytest.approx([115, np.nan, 20], nan_ok=True)
+    assert down == pytest.approx([-45, np.nan, -20], nan_ok=True)
+    assert list(strokes.record) == [0] * 9 + [2] * 9  # of five cycles: begun and ended between turns
+    assert strokes.sizes == pytest.approx(0.02, rel=1e-3)
+
+
+def test_a_rod_that_does_not_turn_twice_shows_nothing() -> None:
+    x = np.linspace(0, 0.01, 500)
+    assert Strokes.of([x]).stalls(x).size == 0
+    assert compared([x], {kind: [x] for kind in ("measured", "nominal", "corrected")}) == ()
+
+
+def test_what_a_law_without_the_clearance_lacks_by_hand() -> None:
+    """3 mm of a stroke of 20 mm, of which .2 mm are not resolved; one record is worth a third."""
+    x = sine()
+    strokes, measured = Strokes.of([x]), loop(x, 100, gap=0.003)
+    median, square = np.array([0.003]), np.array([0.0002**2])
+    stalls = Stalls(strokes, measured, np.full(len(x), 0.5), median, square)
+    without, within = (0.5 * (loop(x, 100, gap=gap) - measured) for gap in (0.0, 0.003))
+    left = (0.04 / 9.04) ** (1 / 3)
+    assert stalls.left(within, without) == pytest.approx(left, rel=0.05)
+    travel, share = stalls.missed(without)
+    assert travel == pytest.approx(0.003, abs=5e-5)
+    assert share == pytest.approx(left, rel=0.05)
+
+
+def test_signatures_stand_side_by_side() -> None:
+    x = sine()
+    forces = {
+        "measured": [loop(x, 100, gap=0.003)],
+        "nominal": [loop(x, 100)],
+        "corrected": [loop(x, 90, 5, 0.003)],
+    }
+    first, middle, force = compared([x], forces)
+    assert first.unit == "mm"
+    assert [first.measured, first.nominal] == pytest.approx([3, 0], abs=0.15)
+    assert [middle.measured, middle.corrected] == pytest.approx([0, 5], abs=0.1)
+    assert [force.nominal, force.corrected] == pytest.approx([100, 90])
+
+
+@pytest.mark.skipif(not (DATA / "arts").is_dir(), reason="no measured records of the friction damper here")
+def test_the_documented_clearance_of_a_friction_damper_is_seen() -> None:
+    """A fit by hand gives 3.66 mm, at every frequency and stroke (shared/design/natural_gaps.md); a damper without a
+    clearance has a hundredth of that."""
+
+    def travel(file: Path) -> float:
+        r = read_record(file)
+        return float(
+            np.median(Strokes.of([np.asarray(r.displacement)]).stalls(np.asarray(r.channel("force_N"))))
+        )
+
+    for file in sorted((DATA / "arts" / "train").glob("*.csv*")):
+        assert travel(file) == pytest.approx(3.66e-3, rel=0.35)
+    for file in sorted((DATA / "utfpr" / "train").glob("*V_ensaio.*")):
+        assert travel(file) < 4e-4
+
+
+LATE = Term(
+    "channel_shift", "sensor", (Coordinate("channel_shift_d", 0.0, -0.05, 0.05, 1e-3),), ((0.002,), (-0.002,))
+)
+
+
+def record(
+    late: float, *, to: float = 20.0, gain: float = 1.0, high_pass: float = 0.0, seed: int = 1
+) -> Record:
+    """Random motion from 1 Hz on, the displacement late (s), an accelerometer with a gain and a high pass (Hz)."""
+    n, dt = 16000, 1e-3
+    rng = np.random.default_rng(seed)
+    f = np.fft.rfftfreq(n, dt)
+    w = 2 * np.pi * np.maximum(f, 1e-9)
+    moved = np.where((f >= 1) & (f <= to), np.exp(2j * np.pi * rng.random(len(f))), 0) / w
+    x = np.fft.irfft(moved * np.exp(-1j * w * late), n)
+    a = np.fft.irfft(-gain * w**2 * moved / (1 - 1j * 2 * np.pi * high_pass / w), n)
+    noise = [0.002 * np.std(y) * rng.standard_normal(n) for y in (x, a)]
+    return Record("r", None, dt, {"displacement_m": x + noise[0], "acceleration_m_s2": a + noise[1]})
+
+
+@pytest.mark.parametrize("late", [0.003, -0.0015])
+def test_a_late_displacement_is_seen_beside_the_accelerometers_gain_and_high_pass(late: float) -> None:
+    (found,) = motion([record(late), record(late, gain=1.07, high_pass=0.05, seed=2)], [LATE], {})
+    assert found.cause == "channel_shift"
+    assert found.settings is not None
+    assert found.settings["channel_shift_d"] == pytest.approx(late, rel=0.03)
+    assert found.nats > 10
+    known = motion([record(late)], [LATE], {"channel_shift_d": late})
+    assert [c.cause for c in known] == [None]  # the simulator has it
+
+
+def test_channels_in_step_and_single_frequencies_tell_nothing() -> None:
+    assert motion([record(0.0)], [LATE], {})[0].agree
+    assert motion([record(0.003, to=1.2)], [LATE], {}) == []
+    plain = record(0.003)
+    without = Record("r", None, 1e-3, {k: v for k, v in plain.channels.items() if k != "acceleration_m_s2"})
+    assert motion([plain, without], [LATE], {}) == []
+
+
+@pytest.mark.skipif(not (DATA / "nees").is_dir(), reason="no measured records with an accelerometer here")
+def test_a_measured_displacement_that_is_made_later_is_found_so_much_later() -> None:
+    measured = [read_record(f) for f in sorted((DATA / "nees" / "train").glob("*.csv*"))[:2]]
+
+    def later(r: Record, by: float) -> Record:
+        x: Array = np.interp(r.time - by, r.time, r.displacement)
+        return r.with_channels({"displacement_m": x})
+
+    delays = []
+    for by in (0.0, 0.004):
+        (found,) = motion([later(r, by) for r in measured], [LATE], {})
+        assert found.settings is not None
+        delays.append(found.settings["channel_shift_d"])
+    assert delays[1] - delays[0] == pytest.approx(0.004, rel=0.02)

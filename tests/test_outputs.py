@@ -18,7 +18,6 @@ from threadpoolctl import threadpool_info  # type: ignore[import-untyped]
 
 from mrdamp.cli import build_parser, main
 from mrdamp.commands import OutFile
-from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
 from mrdamp.motions import embedded_motion
 from mrdamp.parallel import mapped
@@ -139,8 +138,8 @@ def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
         "convert r.csv --columns time_s=time_s displacement_m=displacement_m command=command force_N=force_N -o out",
         "case m.json r.csv -o out/case",
         "identify set --law bingham --starts 1 -o out/model.json --picture out/loops.png",
-        "calibrate -o out",
-        "compare frame --controllers passive-on --motions a.csv --jobs 1 -o out",
+        pytest.param("calibrate -o out", marks=pytest.mark.slow),
+        pytest.param("compare frame --controllers passive-on --motions a.csv --jobs 1 -o out", marks=pytest.mark.slow),
     ],
 )
 def test_a_full_disk_leaves_no_part_of_a_result(
@@ -185,15 +184,14 @@ def test_one_job_stays_here_and_is_lazy() -> None:
     assert next(work) == (0, os.getpid())
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_task_has_one_thread_of_blas(jobs: int) -> None:
     assert list(mapped(threads, [(), ()], jobs)) == [1, 1]
 
 
 def test_an_unknown_backend_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MRDAMP_BACKEND", "dask")
-    with pytest.raises(InputError, match=r"MRDAMP_BACKEND is 'dask'; allowed: loky, ray"):
-        list(mapped(late, [(0, 0), (1, 1)], jobs=2))
+    refuses(lambda: list(mapped(late, [(0, 0), (1, 1)], jobs=2)), r"MRDAMP_BACKEND is 'dask'; allowed: loky, ray")
 
 
 @pytest.mark.slow

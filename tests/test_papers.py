@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from excitation import Array
 from modules import TOOLS, loaded
 from mrdamp.identify import identify
 from mrdamp.identify.by_command import identify_by_command
@@ -33,7 +33,6 @@ from mrdamp.narx.splits import at_constant_command, cut_varying, of_records, var
 from mrdamp.narx.train import blank
 from mrdamp.records import Record, embedded
 
-Array = NDArray[np.float64]
 VOLTAGES = (0.6, 1.2, 2.0)  # below the field's saturation
 DATA = Path(os.environ.get("MRDAMP_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
 sys.path.append(str(TOOLS))  # the pages' tool imports tools beside it

@@ -98,29 +98,22 @@ def test_the_model_keeps_a_past(whole: Track) -> None:
 
 
 @pytest.mark.parametrize("k", [1, 150])
-def test_copy_goes_on_alike(whole: Track, k: int) -> None:
-    model, data = bent()
-    step_through(model, data, k, controls()[:k])
-    twin = copy.copy(data)
-    other = mujoco.MjData(model)
-    mujoco.mj_copyData(other, model, data)
-    step_through(model, data, 50, controls(seed=4))  # the original moves on first
-    for following in (twin, other):
-        equal(step_through(model, following, STEPS - k, controls()[k:]), rest(whole, k))
-
-
-@pytest.mark.parametrize("spec", SPECS, ids=["FULLPHYSICS", "INTEGRATION"])
-@pytest.mark.parametrize("k", [1, 150])
-def test_state_put_back_goes_on_alike(whole: Track, spec: int, k: int) -> None:
+def test_copies_and_states_put_back_go_on_alike(whole: Track, k: int) -> None:
     """Into the same data after it went elsewhere, and into data that never stepped."""
     model, data = bent()
     step_through(model, data, k, controls()[:k])
-    state = np.empty(mujoco.mj_stateSize(model, spec))
-    mujoco.mj_getState(model, data, state, spec)
-    step_through(model, data, 60, controls(seed=5))
-    for following in (data, mujoco.MjData(model)):
-        mujoco.mj_setState(model, following, state, spec)
+    twin, other = copy.copy(data), mujoco.MjData(model)
+    mujoco.mj_copyData(other, model, data)
+    states = [np.empty(mujoco.mj_stateSize(model, spec)) for spec in SPECS]
+    for spec, state in zip(SPECS, states, strict=True):
+        mujoco.mj_getState(model, data, state, spec)
+    step_through(model, data, 60, controls(seed=5))  # the original moves on first
+    for following in (twin, other):
         equal(step_through(model, following, STEPS - k, controls()[k:]), rest(whole, k))
+    for spec, state in zip(SPECS, states, strict=True):
+        for following in (data, mujoco.MjData(model)):
+            mujoco.mj_setState(model, following, state, spec)
+            equal(step_through(model, following, STEPS - k, controls()[k:]), rest(whole, k))
 
 
 def test_reset_and_keyframe(whole: Track) -> None:

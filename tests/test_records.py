@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp.identify import Fit, RecordError, identify
-from mrdamp.model import Model
+from mrdamp.identify import identify
 from mrdamp.records import Record, RecordSet, read_record, read_records
 from mrdamp.records.checks import check_sign, warnings_of
 from record_tables import HEADER, table, write
@@ -298,6 +297,7 @@ def test_sets_that_are_none(tmp_path: Path) -> None:
     refuses(lambda: read_records(tmp_path), "two records are named a")
 
 
+@pytest.mark.slow
 @needs_shared
 def test_every_shared_set_and_open_case_reads() -> None:
     sizes = {"utfsm": (12, 5), "utfpr": (16, 31), "nees": (3, 1)}
@@ -314,17 +314,6 @@ def test_every_shared_set_and_open_case_reads() -> None:
         assert sorted(record.name for record in found) == files
         assert found.train
         assert found.validation
-
-
-def test_a_record_and_a_fit_are_shown_in_one_line() -> None:
-    record = Record("a", None, 0.002, {"displacement_m": np.zeros(501), "command": np.zeros(501)})
-    assert repr(record) == "Record('a', 501 samples, 1 s at 500 Hz: time_s, displacement_m, command)"
-    assert repr(RecordSet("s", (record,), (record, record))) == "RecordSet('s', 1 train, 2 validation, 0 test)"
-    model = Model("bingham", dict.fromkeys(("c0a", "c0b", "fya", "fyb"), 1.0) | {"v_ref": 0.1}, name="m")
-    fit = Fit(model, (RecordError("a", 3.0, 0.25),), (RecordError("b", 1.0, 0.5),), 1, 1)
-    assert repr(fit) == (
-        "Fit(Model('m', bingham, rig damper, effects: none), error 0.250 of 1 fitted, error 0.500 of 1 held out)"
-    )
 
 
 def test_a_record_that_is_there_twice_is_refused(tmp_path: Path) -> None:

@@ -1,22 +1,36 @@
-"""The written MJCF, stepped by MuJoCo, gives what the C entry predicts."""
+"""The written MJCF, stepped by MuJoCo, gives what the C entry predicts. Commands that a converter holds between
+samples: the truth is a frame that SciPy integrates, sample by sample."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
+import frame_reference
 from dampers import off
+from excitation import Array
+from frame_case import DT, NOISE, SECONDS, believed, ground
 from mrdamp import sets
-from mrdamp.model import Effect, Model
-from mrdamp.model.core import Array
-from mrdamp.records import embedded
+from mrdamp.cli import main
+from mrdamp.diagnosis.case.folder import Case, read_case
+from mrdamp.diagnosis.problem.command_hold import with_hold
+from mrdamp.diagnosis.run import diagnose
+from mrdamp.identify import error, identify
+from mrdamp.model import Effect, Model, core
+from mrdamp.records import Record, embedded
+from mrdamp.records.log_filter import held
 from mrdamp.simulation import stepping
 from mrdamp.simulation.mjcf import mjcf
+from mrdamp.simulation.predict import free_run
 from mrdamp.structures import ShearFrame, dyke1996
+from refusals import refuses
 
 LIMIT = 0.006  # of the RMS; most of it is the command, straight in a record, that the engine holds over its steps
 
@@ -139,3 +153,170 @@ def test_without_damper_there_is_none() -> None:
     )
     bare = mujoco.MjModel.from_xml_string(mjcf(model, damper=False))
     assert [bare.actuator(k).name for k in range(bare.nu)] == ["ground", "friction_1"]
+
+
+N = round(SECONDS / DT) + 1
+LINES = 5  # constant pieces that stand for a line between two samples
+
+
+def smooth(seed: int) -> Array:
+    """Command (N,) of slow sines, as a controller puts it out: no jumps."""
+    rng, t = np.random.default_rng(seed), DT * np.arange(N)
+    sines = [
+        rng.uniform(0.2, 1) * np.sin(2 * np.pi * rng.uniform(1, 12) * t + rng.uniform(0, 6)) for _ in range(6)
+    ]
+    return np.asarray(np.clip(0.9 + np.sum(sines, axis=0), 0, 1.8))
+
+
+def jumping(seed: int) -> Array:
+    rng = np.random.default_rng(seed)
+    return np.repeat(rng.choice([0.0, 0.7, 1.8], N // 50 + 1), 50)[:N]
+
+
+@cache
+def clean(kind: str, seed: int, between: str, late: int = 0) -> Record:
+    """A record of the frame without noise.
+
+    between: "held" or "lines"; late: samples by which the rig's command is behind its log.
+    """
+    t: Array = np.asarray(DT * np.arange(N), dtype=np.float64)
+    a = ground(t, seed)
+    u = smooth(seed) if kind == "smooth" else jumping(seed)
+    acted = np.concatenate([np.full(late, u[0]), u[: N - late]])
+    pieces, period = acted[:-1], DT
+    if between == "lines":
+        middle = (np.arange(LINES) + 0.5) / LINES
+        pieces, period = (acted[:-1, None] + np.diff(acted)[:, None] * middle).ravel(), DT / LINES
+    run = frame_reference.solve(lambda when: float(np.interp(when, t, a)), pieces, period, period)
+    read = slice(None, None, round(DT / period))
+    channels = {"time_s": t, "ground_acceleration_m_s2": a, "command": u, "force_N": run["force"][read]}
+    for what, unit in (("acceleration", "_m_s2"), ("displacement", "_m")):
+        for j in (1, 2, 3):
+            channels[f"floor{j}_{what}{unit}"] = run[what][read, j - 1]
+    return Record(f"{kind}_{seed}", None, DT, channels)
+
+
+def noisy(r: Record, seed: int) -> Record:
+    rng = np.random.default_rng(seed)
+    size = {name: level for name in r.channels for what, level in NOISE.items() if what in name}
+    size.pop("ground_acceleration_m_s2")
+    return r.with_channels(
+        {name: np.asarray(r.channel(name)) + rng.normal(0, x, N) for name, x in size.items()}
+    )
+
+
+def case(between: str, late: int = 0, model: Model | None = None) -> Case:
+    one, two = (clean("smooth", seed, between, late) for seed in (1, 2))
+    again = replace(noisy(one, 3), name="repeat")
+    return Case("frame", Path(), model or believed(), (noisy(one, 1), noisy(two, 2)), ((again, 0),))
+
+
+def apart(one: Array, other: Array) -> float:
+    return float(np.sqrt(np.mean((one - other) ** 2)) / np.std(other))
+
+
+def test_jumps_show_that_a_command_is_held() -> None:
+    assert held(jumping(3))
+    assert not held(smooth(3))
+    assert not held(np.zeros(50))
+    ramps = np.interp(np.arange(N), np.arange(0, N + 40, 40), np.arange(N // 40 + 2) % 2)
+    assert not held(ramps)
+
+
+@pytest.mark.parametrize("kind", ["jumping", "smooth"])
+def test_a_prediction_of_a_held_command(kind: str) -> None:
+    found, model = clean(kind, 1, "held"), believed()
+    force = found.channel("force_N")
+    assert apart(free_run(model.with_hold(True), found)["force_N"], force) < 0.005
+    assert apart(free_run(model.with_hold(False), found)["force_N"], force) > 0.015
+    # What the file does not say is found where the command jumps.
+    if kind == "jumping":
+        assert apart(free_run(model, found)["force_N"], force) < 0.005
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", [False, True])
+@pytest.mark.parametrize("between", ["held", "lines"])
+def test_responses_show_whether_a_smooth_command_is_held(between: str, wrong: bool) -> None:
+    stiffness = (5.16e5, 6.84e5 * (1.1 if wrong else 1.0), 6.84e5)
+    found, notes = with_hold(case(between, model=believed(stiffness=stiffness)))
+    assert bool(found.model.hold) == (between == "held"), notes
+    assert found.model.hold is not None or "do not show whether" in notes[0]
+
+
+@pytest.mark.slow
+def test_a_held_command_is_no_delay() -> None:
+    found = diagnose(case("held"))
+    assert (found.verdict, found.effects) == ("none", ())
+    assert found.corrected.hold
+    assert any("held between samples" in note for note in found.notes)
+
+
+@pytest.mark.slow
+def test_a_delay_beside_a_held_command_is_right() -> None:
+    found = diagnose(case("held", late=8, model=believed().with_hold(True)))
+    assert [e.effect for e in found.effects] == ["command_delay"]
+    assert found.effects[0].parameters["d"] == pytest.approx(8 * DT, abs=2e-4)
+
+
+@pytest.mark.slow
+def test_identify_keeps_how_a_command_runs_between_samples() -> None:
+    taken = {"displacement_m": "floor1_displacement_m", "command": "command", "force_N": "force_N"}
+    runs = [clean("jumping", seed, "held") for seed in (1, 2, 3)]
+    train = [Record(r.name, None, DT, {n: r.channel(of) for n, of in taken.items()}) for r in runs]
+    fit = identify("modified_bouc_wen", train, extras=("driver_lag",), starts=2)
+    assert fit.model.hold
+    assert fit.model.attributes["driver_lag_tau"] == pytest.approx(frame_reference.LAG, rel=0.03)
+    along = identify("modified_bouc_wen", train, extras=("driver_lag",), starts=2, hold=False)
+    assert error(along.model, train[0]).nrmse > error(fit.model, train[0]).nrmse
+
+
+def test_a_held_delay_is_exact_between_steps() -> None:
+    # tau i' = u(t - d) - i under steps every 50 ms, by its closed form.
+    dt, tau, every = 1e-3, 5e-3, 50
+    k = np.arange(400)
+    u = (k // every % 2).astype(float)
+    x = np.asarray(1e-4 * k, dtype=np.float64)
+    for d in (0.1e-3, 0.4e-3, 0.8e-3, 2.3e-3):
+        law = {"c0a": 300.0, "c0b": 0.0, "fya": 50.0, "fyb": 400.0, "v_ref": 0.01}
+        attributes = {**law, "driver_lag_tau": tau, "command_delay_d": d}
+        found = core.run("bingham", attributes, dt, x, u=u, hold=True, columns=("current",))["current"]
+        expected, level, target, at = np.zeros(len(k)), 0.0, 0.0, 0.0
+        arrivals = [(every * dt * j + d, float(j % 2)) for j in range(len(k) // every + 1)]
+        for j, t in enumerate(dt * k):
+            while arrivals and arrivals[0][0] <= t:
+                when, to = arrivals.pop(0)
+                level, target, at = target + (level - target) * np.exp(-(when - at) / tau), to, when
+            expected[j] = target + (level - target) * np.exp(-(t - at) / tau)
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def written(folder: Path, **keys: object) -> Path:
+    folder.mkdir()
+    r = noisy(clean("jumping", 1, "held"), 1)
+    r.save(folder / "a.csv")
+    nominal, channels = believed().to_dict()["model"], [n for n in r.channels if n != "time_s"]
+    data = {
+        "name": "x",
+        "format": 1,
+        "rig": "frame",
+        "nominal": nominal,
+        "channels": channels,
+        "records": ["a.csv"],
+    }
+    (folder / "case.json").write_text(json.dumps(data | keys))
+    return folder
+
+
+def test_a_case_says_whether_its_command_is_held(tmp_path: Path) -> None:
+    assert read_case(written(tmp_path / "yes", hold=True)).model.hold is True
+    assert read_case(written(tmp_path / "open")).model.hold is None
+    refuses(lambda: read_case(written(tmp_path / "word", hold="yes")), "hold is 'yes'; allowed: true, false")
+    refuses(lambda: read_case(written(tmp_path / "typo", holds=True)), "'holds' is unknown; allowed: name, format")
+
+
+def test_the_case_command_writes_it(tmp_path: Path) -> None:
+    folder = written(tmp_path / "from")
+    out = tmp_path / "to"
+    assert main(["case", str(folder), str(folder / "a.csv"), "--hold", "no", "-o", str(out)]) == 0
+    assert read_case(out).model.hold is False

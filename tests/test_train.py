@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from excitation import Array
 from mrdamp.cli import main
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.control.force_control import ForceController
@@ -31,20 +31,13 @@ from mrdamp.train.settings import Options, settings
 from mrdamp.train.worlds import Judge, forces, world
 from refusals import refuses
 
-Array = NDArray[np.float64]
-
+pytestmark = pytest.mark.usefixtures("few_validation_motions")
 FRAME, CAR = "mrdamp/Frame-v0", "mrdamp/QuarterCar-v0"
 #: An evolution strategy that takes a second or two.
 SMALL = (
     "loads=2", "population=4", "n_timesteps=4000", "normalize=false", "teacher=", "sigma=0.1",
     "env_kwargs.period=0.004", "env_kwargs.duration=0.8",
 )  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def few_validation_motions(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = loads.validation_motions(1, (0.5, 1.5))
-    monkeypatch.setattr("mrdamp.envs.frame.validation_motions", lambda: few)
 
 
 def small(seed: int = 0, *overrides: str) -> Options:
@@ -263,6 +256,7 @@ def test_candidates_are_scored_as_the_policies_they_become(
         assert run.world.score({k: float(v.mean()) for k, v in found.items()}) == pytest.approx(score, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_sweep_takes_every_setting_and_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["train", FRAME, "--algo", "es", "--evaluations", "1", "--set", *SMALL, "n_timesteps=1000"]
     assert main([*command, "--sweep", "sigma=0.1,0.3", "--seeds", "2", "-o", str(tmp_path)]) == 0
@@ -281,7 +275,7 @@ def test_a_sweep_takes_every_setting_and_seed(tmp_path: Path, capsys: pytest.Cap
 def test_command_gives_the_same_numbers_in_two_workers(
     tmp_path: Path, backend: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.undo()
+    monkeypatch.setattr("mrdamp.envs.frame.validation_motions", loads.validation_motions)  # as the workers have it
     command = ["train", FRAME, "--algo", "es", "--seeds", "2", "--evaluations", "1", "--set", *SMALL]
     assert main([*command, "-o", str(tmp_path / "one")]) == 0
     if backend == "ray":

@@ -20,6 +20,7 @@ from mrdamp.train.learn import train  # noqa: E402
 from mrdamp.train.settings import Options, settings  # noqa: E402
 from refusals import refuses  # noqa: E402
 
+pytestmark = pytest.mark.usefixtures("few_validation_motions")
 SHORT = ("loads=2", "policy_kwargs.net_arch=[4]", "env_kwargs.timestep=0.001")
 
 
@@ -33,7 +34,7 @@ def made(folder: Path, *overrides: str) -> AdjointRun:
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> AdjointRun:
+def run(tmp_path_factory: pytest.TempPathFactory, few_validation_motions: None) -> AdjointRun:
     found = made(tmp_path_factory.mktemp("run"), "least=null", "current=0")
     with torch.no_grad():  # a network that does something
         rng = np.random.default_rng(3)
@@ -62,7 +63,7 @@ def test_the_adjoint_is_the_difference_of_whole_closed_loops(run: AdjointRun) ->
     np.testing.assert_array_equal(run.loop.adjoint(base, none, blind, 0.3), 0.3)  # the price of the current alone
     largest = np.abs(each).max(axis=0)
     for row in range(2):
-        for k in np.argsort(-np.abs(each[:, row]))[[0, 5, 20, 60]]:
+        for k in np.argsort(-np.abs(each[:, row]))[[0, 20]]:
             pushed = []
             for push in (1e-3, -1e-3):
                 at = iter(range(len(base.commands)))
@@ -150,8 +151,7 @@ def test_a_training_goes_on_from_another_with_more_filters(tmp_path: Path) -> No
     other = o.copy()
     other[:, before:] = 0.0
     assert np.abs(own.soft.commands(o) - own.soft.commands(other)).max() > 1e-3
-    with pytest.raises(InputError, match="net_arch"):
-        made(tmp_path / "three", f"start={tmp_path / 'first'}", "policy_kwargs.net_arch=[5]")
+    refuses(lambda: made(tmp_path / "three", f"start={tmp_path / 'first'}", "policy_kwargs.net_arch=[5]"), "net_arch")
     with pytest.raises(InputError, match="whose observations these begin with"):
         made(tmp_path / "four", f"start={tmp_path / 'first'}", "ground.frequency=40")
 
