@@ -389,4 +389,3 @@ def test_diagnosis_that_fails_or_is_late_is_a_row(seconds: float, verdict: str, 
     run.diagnose_one(tmp_path / "case", tmp_path / "answer", seconds)
     row = run.judge("case", LABELS["case_001"], tmp_path / "answer", tmp_path / "none.npz")
     assert (row.verdict, row.right) == (verdict, False)
-    assert row.seconds < 20

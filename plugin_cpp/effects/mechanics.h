@@ -10,7 +10,6 @@ namespace mrdamp {
 
 // gas_spring: k x (1 + k2 x + k3 x^2) + F0
 inline Real GasSpring(const Params& p, Real x) {
-  if (Head(p.gas_spring_k) == 0 && Head(p.gas_spring_f0) == 0) return 0;
   return p.gas_spring_k * x * (1 + (p.gas_spring_k2 + p.gas_spring_k3 * x) * x) + p.gas_spring_f0;
 }
 
