@@ -42,9 +42,9 @@ from mrdamp.structures import dyke1996
 from refusals import refuses
 
 Make = Callable[..., Any]
-FRAME: Mapping[str, Any] = {"motions": SyntheticMotions(duration=1.5), "noise": {"acceleration": 0.05}}
+FRAME: Mapping[str, Any] = {"motions": SyntheticMotions(duration=2.0), "noise": {"acceleration": 0.05}}
 CABLE: Mapping[str, Any] = {
-    "loads": AmbientLoads(duration=0.3), "noise": {"force": 0.1}, "bandwidth": 30.0,
+    "loads": AmbientLoads(duration=0.5), "noise": {"force": 0.1}, "bandwidth": 30.0,
     "randomise": {"tension": (0.9, 1.1), "driver_lag_tau": (0.0, 0.02)},
 }  # fmt: skip
 CAR: Mapping[str, Any] = {
@@ -137,7 +137,7 @@ def test_trainers_rows_refuse_them() -> None:
 def test_copies_go_on_to_the_last_bit(single: Make, rows: Make, given: Mapping[str, Any], engine: str) -> None:
     """By deepcopy and pickle, over the end of an episode: the next load is drawn alike."""
     for env, shape in ((single(engine=engine, **given), (1,)), (rows(2, engine=engine, **given), (2, 1))):
-        actions = np.random.default_rng(0).uniform(-1, 1, (90, *shape))
+        actions = np.random.default_rng(0).uniform(-1, 1, (110, *shape))
         env.reset(seed=4)
         for action in actions[:30]:
             env.step(action)
