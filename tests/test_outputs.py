@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import resource
 import stat
@@ -20,7 +21,7 @@ from mrdamp.cli import build_parser, main
 from mrdamp.commands import OutFile
 from mrdamp.files import together, write_atomic
 from mrdamp.motions import embedded_motion
-from mrdamp.parallel import mapped
+from mrdamp.parallel import Kept, finished, mapped
 from mrdamp.records import embedded
 from refusals import refuses
 
@@ -177,6 +178,21 @@ def test_results_come_in_the_order_of_the_tasks_from_other_processes() -> None:
     out = list(mapped(late, [(k, 4) for k in range(4)], jobs=2))
     assert [k for k, _ in out] == [0, 1, 2, 3]
     assert os.getpid() not in {pid for _, pid in out}
+
+
+def test_kept_results_stand_in_the_order_of_the_tasks(tmp_path: Path) -> None:
+    kept = Kept(tmp_path / "kept")
+    kept.add("b", {"root": 3.0})
+    made: list[float] = []
+
+    def root(x: float) -> float:
+        made.append(x)
+        return math.sqrt(x)
+
+    tasks = {"a": (4.0,), "b": (9.0,), "c": (16.0,)}
+    again = finished(root, tasks, kept, 1, lambda count, result: None, lambda r: {"root": r}, lambda d: d["root"])
+    assert (list(again.items()), made) == ([("a", 2.0), ("b", 3.0), ("c", 4.0)], [4.0, 16.0])
+    assert Kept(tmp_path / "kept") == kept
 
 
 def test_one_job_stays_here_and_is_lazy() -> None:

@@ -154,7 +154,7 @@ def finished(
     pack: Callable[[Result], dict[str, Any]],
     unpack: Callable[[dict[str, Any]], Result],
 ) -> dict[str, Result]:
-    """What `work` makes of each task, by key; those that are kept are not run again.
+    """What `work` makes of each task, by key and in their order; those that are kept are not run again.
 
     say: called with how many are there, and the one just made, None at first. pack, unpack: to what JSON can hold, and
     back.
@@ -166,7 +166,7 @@ def finished(
         kept.add(key, pack(result))
         found[key] = result
         say(len(found), result)
-    return found
+    return {key: found[key] for key in tasks}
 
 
 class How(TypedDict, total=False):
