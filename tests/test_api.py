@@ -103,6 +103,8 @@ def test_packages_are_the_functions_of_their_names() -> None:
         ({"amplitudes": ()}, "amplitudes is empty"),
         ({"motions": 5}, "motions is 5; allowed: a list of motions"),
         ({"motions": [1]}, "1 is no load of a frame"),
+        ({"controllers": ["constant:value=2.3"]}, r"value is 2.3; allowed: 0 to 2.25"),
+        ({"controllers": ["constant:value=-1"]}, r"value is -1; allowed: 0 to 2.25"),
         ({"amplitudes": 1}, "amplitudes is 1; allowed: a list of numbers"),
         ({"tune": "no"}, "tune is 'no'; allowed: True, False"),
         ({"command_unit": "kV"}, "command_unit is 'kV'; allowed: A, V"),
@@ -120,6 +122,12 @@ def test_wrong_kinds_are_told_in_a_line() -> None:
     refuses(lambda: mrdamp.identify(list(records), "bingham"), "records is a list of Records; allowed: a RecordSet")  # type: ignore[arg-type]
     refuses(lambda: mrdamp.identify("embedded", "bingham", start={"c0": 1.0}), "'c0' is no attribute; nearest: c0")
     refuses(lambda: mrdamp.identify("embedded", "bingham", starts=0), "starts at least 1")
+    refuses(lambda: mrdamp.identify("embedded", "bing"), "law 'bing' has no search space")
+    refuses(lambda: mrdamp.read_records(None), "no records")  # type: ignore[arg-type]
+    refuses(lambda: mrdamp.read_records([]), "no records")
+    refuses(lambda: mrdamp.read_records(""), "source is ''; allowed: a path")
+    refuses(lambda: mrdamp.read_records(5), "source is 5; allowed: a path or several")  # type: ignore[arg-type]
+    refuses(lambda: mrdamp.read_record(None), "path is ''; allowed: a path")  # type: ignore[arg-type]
     refuses(lambda: mrdamp.diagnose(""), "case is ''; allowed: a path")
     refuses(lambda: mrdamp.diagnose("case", jobs=0), "jobs is 0; allowed: 1 or more")
     refuses(lambda: mrdamp.compare(keep=3), "keep is 3; allowed: a path")  # type: ignore[arg-type]

@@ -74,6 +74,7 @@ def test_wrong_options_are_refused_in_a_line_by_the_command(
         (["--set", "env_kwargs.periods=1"], "periods"),
         (["--algo", "es", "--set", "sigmas=1"], "sigmas"),
         (["--sweep", "gamma"], "NAME=VALUE"),
+        (["--sweep", "gamma=.9,.9"], "a value is given twice"),
         (["--seeds", "0"], "--seeds"),
         (["--algo", "es", "--set", "env_kwargs.damper_between=[[0,1],[1,2]]"], "training 2 dampers: allowed"),
     ):

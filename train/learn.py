@@ -134,6 +134,8 @@ def points(choices: Sequence[str]) -> list[tuple[str, ...]]:
         name, equals, values = choice.partition("=")
         if not equals or not all(values.split(",")):
             raise InputError(f"sweep {choice!r}; allowed: NAME=VALUE,VALUE,...")
+        if len(set(values.split(","))) < len(values.split(",")):
+            raise InputError(f"sweep {choice!r}: a value is given twice")
         axes.append([f"{name}={value}" for value in values.split(",")])
     return list(itertools.product(*axes))
 

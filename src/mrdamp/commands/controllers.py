@@ -165,6 +165,8 @@ def _compare(a: argparse.Namespace) -> str:
     for percent in a.spread or ():
         if not 0 < percent < 100:
             raise InputError(f"--spread {percent:g}; allowed: percentages above 0 and below 100")
+    if a.bound is not None and a.bound < 1:
+        raise InputError(f"--bound is {a.bound}; allowed: 1 or more")
     if a.bound is not None and (a.dampers or ())[1:]:
         raise InputError("--bound is for one damper; leave it out")
     if a.speed is not None and not (a.motions and bench.option == "road"):

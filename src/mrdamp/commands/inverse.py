@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,8 +73,8 @@ def run_inverse(a: argparse.Namespace) -> int:
     from mrdamp.inverse.trial import draw, trial, write_page
     from mrdamp.records import read_records
 
-    if not 2.0 <= a.seconds < math.inf:
-        raise InputError(f"--seconds is {a.seconds:g}; allowed: at least 2")
+    if not 2.0 <= a.seconds <= 3600.0:
+        raise InputError(f"--seconds is {a.seconds:g}; allowed: 2 to 3600")
     if a.network and a.no_network:
         raise InputError("--network and --no-network exclude each other")
     if a.stroke is None:

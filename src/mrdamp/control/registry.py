@@ -212,6 +212,12 @@ def _lyapunov(site: AnySite, o: Mapping[str, float]) -> Controller:
     return lyapunov(site.linear, level, weights, o["noise_ratio"], site.period)
 
 
+def _constant(site: AnySite, o: Mapping[str, float]) -> Controller:
+    if not 0 <= o["value"] <= site.command_max * (1 + 1e-9):
+        raise InputError(f"constant: value is {o['value']:g}; allowed: 0 to {site.command_max:g}, the largest command")
+    return Constant(o["value"], f"constant {o['value']:g}", site.period)
+
+
 def _dissipating(site: AnySite, o: Mapping[str, float]) -> Controller:
     return max_dissipation(site.linear, o["level"] * site.command_max, o["noise_ratio"], site.period)
 
@@ -225,10 +231,7 @@ def _skyhook(site: AnySite, o: Mapping[str, float]) -> Controller:
 BUILDERS: Mapping[str, tuple[Builder, str]] = {
     "passive-off": (lambda site, o: passive_off(site.period), "no command"),
     "passive-on": (lambda site, o: passive_on(site.command_max, site.period), "the largest command"),
-    "constant": (
-        lambda site, o: Constant(o["value"], f"constant {o['value']:g}", site.period),
-        "the same command at all times",
-    ),
+    "constant": (_constant, "the same command at all times"),
     "clipped-optimal": (
         _optimal,
         "LQG force with on/off switching; by default as Dyke et al. 1996; level: command that is on, over the largest",

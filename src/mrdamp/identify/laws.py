@@ -295,8 +295,8 @@ def _without_redundancy(p: dict[str, float]) -> dict[str, float]:
 
 def _law(law: str, s: Scales) -> tuple[tuple[Map, ...], tuple[Coordinate, ...]]:
     """What follows the command, and what is constant: the `search` of the law's row in the C table."""
-    if law not in parametric():
-        raise InputError(f"law '{law}' has no search space; allowed: {', '.join(parametric())}")
+    if str(law) not in parametric():
+        raise InputError(f"law {str(law)[:40]!r} has no search space; allowed: {', '.join(parametric())}")
     f, v, stroke = s.force, s.velocity, s.stroke
     scales = {
         "N": f, "m": stroke, "m/s": v, "N/m": f / stroke, "N s/m": f / v, "kg": 0.02 * f * stroke / v**2, "1": 1.0

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mrdamp.errors import LARGEST, InputError
+from mrdamp.errors import LARGEST, InputError, require_kind, require_path
 from mrdamp.files import SUFFIXES, decode, files_in, read_bytes, write_atomic
 from mrdamp.records import csv_file, division, motion, sampling
 from mrdamp.records.channels import check_header, is_channel
@@ -256,6 +256,7 @@ def read_record(path: Path | str, required: Sequence[str] | None = None) -> Reco
     Raises:
         InputError: one line with the file, the line number and the channel.
     """
+    require_path(path="" if path is None else path)
     path = Path(path)
     if not path.name.lower().endswith(SUFFIXES):
         raise InputError(f"{path}: a record is a .csv or .csv.gz file")
@@ -291,8 +292,12 @@ def read_records(
     Raises:
         InputError: no records, a half of the set missing, two files of one name, a record twice, or a bad record.
     """
-    if not isinstance(source, Path | str):
-        files = sorted((f for item in source for f in record_files(item)), key=lambda path: (path.name, str(path)))
+    if isinstance(source, Path | str):
+        require_path(source=source)
+    else:
+        require_kind("a path or several", Sequence, source=source)
+        listed = [f for item in source or () for f in record_files(item)]
+        files = sorted(listed, key=lambda path: (path.name, str(path)))
         return _hold_out("records", _read_all("the list", files, required))
     folder = Path(source)
     if folder.is_file():
