@@ -1,8 +1,6 @@
 """Writes docs/reference/commands.md from the command line's own parser: `python tools/command_reference.py [--check]`.
 
-The page lists the commands. Their options, which `mrdamp COMMAND --help` prints too, are written to build/commands.txt,
-which the documentation site includes. With `--check` nothing is written, and the exit code is 1 where the page and the
-parser disagree.
+With `--check` nothing is written, and the exit code is 1 where the file and the parser disagree.
 """
 
 from __future__ import annotations
@@ -15,8 +13,7 @@ from pathlib import Path
 
 from mrdamp.cli import build_parser
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGE, OPTIONS = ROOT / "docs" / "reference" / "commands.md", ROOT / "build" / "commands.txt"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "commands.md"
 
 
 def subcommands(parser: argparse.ArgumentParser) -> dict[str, tuple[argparse.ArgumentParser, str]]:
@@ -71,22 +68,14 @@ def shared_rows(commands: Iterable[argparse.ArgumentParser]) -> dict[tuple[str, 
 
 def lines() -> Iterator[str]:
     """The page, line by line."""
-    yield "# Commands"
-    yield ""
-    yield "`mrdamp COMMAND --help` lists the options; the documentation site has them below. Bad input gives one line"
-    yield "on standard error and exit code 2, an interrupt 130. The same command continues an interrupted run."
-    yield ""
-    for command, (_, about) in subcommands(build_parser()).items():
-        yield f"- `mrdamp {command}`: {about}"
-    yield from ("", f'--8<-- "{OPTIONS.relative_to(ROOT)}"')
-
-
-def options() -> Iterator[str]:
-    """Example and options of every command, line by line."""
     commands = subcommands(build_parser())
     shared = shared_rows(sub for sub, _ in commands.values())
     alike = {key: next(iter(some)) for key, some in shared.items() if len(some) == 1}
-    yield from ("## Options of several commands", "")
+    yield "# Commands"
+    yield ""
+    yield "Bad input gives one line on standard error and exit code 2, an interrupt 130. The same command continues an"
+    yield "interrupted run. Written by `tools/command_reference.py`."
+    yield from ("", "## Options of several commands", "")
     yield from (f"- {name}: {text} {alike.get((name, text), '')}".rstrip() for name, text in shared)
     for command, (sub, about) in commands.items():
         yield from ("", f"## mrdamp {command}", "", f"{about[:1].upper()}{about[1:]}.", "")
@@ -106,9 +95,8 @@ def main() -> int:
     text = "\n".join(lines()) + "\n"
     if "--check" in sys.argv[1:]:
         return int(not PAGE.exists() or PAGE.read_text(encoding="utf-8") != text)
+    PAGE.parent.mkdir(parents=True, exist_ok=True)
     PAGE.write_text(text, encoding="utf-8")
-    OPTIONS.parent.mkdir(exist_ok=True)
-    OPTIONS.write_text("\n".join(options()) + "\n", encoding="utf-8")
     return 0
 
 

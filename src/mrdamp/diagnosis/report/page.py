@@ -13,7 +13,7 @@ from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
 from mrdamp.diagnosis.problem.residuals import squared_gap
 from mrdamp.diagnosis.report.changes import changes, unit_of
 from mrdamp.diagnosis.report.result import Diagnosis, Named
-from mrdamp.diagnosis.report.sentence import share
+from mrdamp.diagnosis.report.sentence import settings_of, share
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.pictures import diagnosis as pictures
@@ -85,7 +85,15 @@ def _next(out: Page, found: Diagnosis) -> None:
     elif found.verdict == "none":
         steps.append("Nothing has changed. `corrected.json` has the law that was identified again on the baseline.")
     elif found.verdict == "unknown":
-        steps.append("Do not add an effect to the simulator on the strength of these records alone.")
+        steps.append(
+            "These records establish no cause. "
+            + (
+                "`corrected.json` is the given simulator."
+                if found.gap.corrected == found.gap.nominal
+                else "`corrected.json` predicts left-out records better, with an effect that need not be the rig's:"
+                " try it on other records before use."
+            )
+        )
     if found.remainder is not None and found.remainder.of == "law":
         steps.append(
             "Identify another law, or a NARX network, from these records: what remains follows from the same inputs."
@@ -93,7 +101,7 @@ def _next(out: Page, found: Diagnosis) -> None:
     for row in found.compared:
         if row["effect"]:
             steps.append(
-                f"Check {row['effect']} on the rig: it explains why {row['channels'][1]} and"
+                f"Check {row['effect']} on the rig: with {settings_of(row)} it explains why {row['channels'][1]} and"
                 f" {row['channels'][0]} differ, whatever the law."
             )
         elif row["unexplained"]:
@@ -113,10 +121,10 @@ def _answer(out: Page, found: Diagnosis) -> None:
             (e.cause.replace("@", " at "), e.stage, f"{e.probability:.2f}", f"{100 * e.share:.0f} %")
             for e in found.effects
         ]
-        columns = "effect", "stage", "probability", "share of the correction"
+        columns = "effect", "stage", "probability", "share of the excess"
         note = (
-            "Share: of what the fit takes off the excess, the gap's square over that of the noise, in the mean over the"
-            " orders in which causes and changed parameters are switched on."
+            "Excess: the gap's square less that of the noise. Share: what the fit takes off it by this cause, in the"
+            " mean over the orders in which causes and changed parameters are switched on."
         )
         out.table(heading, columns, rows, note)
         heading = ""
@@ -219,7 +227,8 @@ def _shrink(out: Page, found: Diagnosis) -> None:
         out.figure(
             "How far it shrinks",
             pictures.waterfall(steps, gap.noise_floor, gap.ceiling),
-            "RMS error over the RMS of the measurement, on records that no parameter was fitted to.",
+            "RMS error over the RMS of the measurement: of the nominal simulator on all records, of the others on each"
+            " record left out of the fit.",
             "Bars: " + ", ".join(f"{name} {100 * value:.2g} %" for name, value, _ in steps),
         )
 
@@ -282,7 +291,8 @@ def _records(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]
         for r in shown
     ]
     some, of = found.covered
-    note = "" if _unchanged(found) else "All records, to which the simulator was fitted; the bars are of others."
+    fitted = "All records, to which the corrected simulator was fitted; its bar is of records left out."
+    note = "" if _unchanged(found) else fitted
     if some < of:
         note = f"All records; {of - some} of them leave the regimes of the baseline, and nothing was fitted to these."
     columns = ("record", *(f"{kind}, %" for kind in kinds), "share of the nominal gap, %")

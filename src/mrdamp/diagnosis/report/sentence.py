@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from mrdamp.diagnosis.constants import TIE_PROBABLE
 from mrdamp.diagnosis.fits.final import AGREEMENT
 from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
@@ -189,6 +192,11 @@ def number(name: str, value: float, interval: tuple[float, float] | None, unit: 
     return text if interval is None else f"{text} ({interval[0]:.4g} to {interval[1]:.4g})"
 
 
+def settings_of(row: Mapping[str, Any]) -> str:
+    """Parameters of the effect that explains why two channels differ."""
+    return ", ".join(number(name, value, None, unit_of(name)) for name, value in row["parameters"].items())
+
+
 def share(value: float, interval: tuple[float, float] | None) -> str:
     """A share with its interval, in per cent."""
     text = f"{round(100 * value)} %"
@@ -197,7 +205,7 @@ def share(value: float, interval: tuple[float, float] | None) -> str:
 
 def table(d: Diagnosis) -> str:
     """Waterfall, effects, candidates and ties as text."""
-    lines = ["  gap on records left out of the fit (RMS error over RMS)"]
+    lines = ["  gap (RMS error over RMS): nominal on all records, else on records left out of the fit"]
     for s in d.waterfall:
         low, high = (percent(end) for end in s.interval)
         lines.append(f"    {s.name:40s} {percent(s.gap):>8s}   {low} to {high}")
@@ -233,7 +241,7 @@ def table(d: Diagnosis) -> str:
         ]
     for row in d.compared:
         one, other = row["channels"]
-        cause = f", which is {row['effect']}: {percent(row['left'])} left" if row["effect"] else ""
+        cause = f", which is {row['effect']} ({settings_of(row)}): {percent(row['left'])} left" if row["effect"] else ""
         noise = percent(row["noise"])
         lines.append(f"  {one} and {other} differ by {percent(row['difference'])}{cause} (noise {noise})")
     if d.outside is not None:
