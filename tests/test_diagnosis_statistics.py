@@ -206,6 +206,13 @@ def test_a_regime_that_holds_the_gap_is_found_and_none_where_there_is_none() -> 
     assert regimes({"velocity (m/s)": v}, RNG.standard_normal(4000), halves) == ()
 
 
+def test_a_regime_is_named_by_the_values_in_it() -> None:
+    """A fifth of the samples at each of five commands, the error at the second one alone: quarters part there."""
+    command = np.repeat([0.1, 0.2, 0.45, 0.8, 1.0], 800)
+    (found,) = regimes({"command": command}, np.where(command == 0.2, 2.0, 0.1), np.arange(4000) % 2 == 0)
+    assert (found.what, found.share_of_samples) == ("command 0.2", pytest.approx(0.2))
+
+
 def test_an_unknown_cause_is_handed_over_by_what_leaves_least() -> None:
     """An effect takes a part of the cost, too little to be named: nothing at all has the most evidence."""
     search = searched({"outside": 1.1, "cubic": 0.15})

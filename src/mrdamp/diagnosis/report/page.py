@@ -90,8 +90,8 @@ def _next(out: Page, found: Diagnosis) -> None:
             + (
                 "`corrected.json` is the given simulator."
                 if found.gap.corrected == found.gap.nominal
-                else "`corrected.json` predicts left-out records better, with an effect that need not be the rig's:"
-                " try it on other records before use."
+                else "`corrected.json` predicts left-out records better, by numbers or an effect that need not be the"
+                " rig's: try it on other records before use."
             )
         )
     if found.remainder is not None and found.remainder.of == "law":
