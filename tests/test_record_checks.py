@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import math
 import re
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -256,6 +258,9 @@ def served(tmp_path: Path) -> Iterator[tuple[Path, Dataset]]:
     server.shutdown()
     thread.join()
     server.server_close()
+    with warnings.catch_warnings():  # pooch leaves the connection of a file that it refuses to the collector
+        warnings.simplefilter("ignore", ResourceWarning)
+        gc.collect()
 
 
 def test_a_set_is_fetched_and_read(served: tuple[Path, Dataset], tmp_path: Path) -> None:
