@@ -86,7 +86,7 @@ def waterfall(
     ax.set_xlim(0, (1.4 if cut.any() else 1.18) * top)
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
-    ax.set_xlabel("gap on held-out records, % of the RMS")
+    ax.set_xlabel("gap, % of the RMS")
     style.line_legend(fig, looks)
     return fig
 

@@ -184,7 +184,8 @@ def regimes(
                 ratios.append(float(np.mean(power[inside & half])) / mean if n > 20 and mean > 0 else 0.0)
             if min(ratios) > least:
                 share = float(np.sum(power[inside]) / max(np.sum(power), 1e-30))
-                low, high = float(np.min(values[inside])), float(np.max(values[inside]))
+                ends = np.array([np.min(values[inside]), np.max(values[inside])])
+                low, high = np.where(np.abs(ends) < 1e-6 * (edges[-1] - edges[0]), 0.0, ends)
                 what = f"{name} {low:.3g}" if low == high else f"{name} from {low:.3g} to {high:.3g}"
                 found.append(Regime(what, share, float(np.mean(inside))))
     found.sort(key=lambda r: (-r.share_of_gap / max(r.share_of_samples, 1e-9), r.what))
