@@ -210,7 +210,8 @@ def test_a_regime_is_named_by_the_values_in_it() -> None:
     """A fifth of the samples at each of five commands, the error at the second one alone: quarters part there."""
     command = np.repeat([0.1, 0.2, 0.45, 0.8, 1.0], 800)
     (found,) = regimes({"command": command}, np.where(command == 0.2, 2.0, 0.1), np.arange(4000) % 2 == 0)
-    assert (found.what, found.share_of_samples) == ("command 0.2", pytest.approx(0.2))
+    assert found.what == "command 0.2"
+    assert found.share_of_samples == pytest.approx(0.2)
 
 
 def test_an_unknown_cause_is_handed_over_by_what_leaves_least() -> None:
