@@ -83,6 +83,19 @@ def test_a_cause_counts_with_those_that_are_tied_with_it_by_nature(monkeypatch: 
     assert set(likely(search, given, more, {}).chosen.causes) == {"offset", "sign"}
 
 
+@pytest.mark.parametrize(("factor", "share"), [(0.5, 0.75 / 0.9), (2.0, 0.0)])
+def test_what_curves_of_the_command_take_is_a_share_of_what_is_beyond_the_noise(factor: float, share: float) -> None:
+    """Half the error is a quarter of the squares; a tenth of these is noise. Curves that do harm take nothing."""
+    search, fits, _ = found(offset=0.5)
+    search.floor = 0.1 * search.left_out_cost(fits[0])
+    own = search.predicted(fits[0])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Search, "versions", lambda self, found: [(own, False), (factor * own, True)])
+        assert search.by_curves(fits[0].hypothesis) == pytest.approx(share)
+        search.fits.clear()
+        assert search.by_curves(fits[0].hypothesis) == 0.0
+
+
 def test_nothing_is_added_where_there_is_no_second_cause() -> None:
     search, fits, decision = found(offset=0.5)
     assert decision.chosen.causes == ("offset",)

@@ -292,7 +292,7 @@ def _remaining(search: Search, final: FinalFit, nominal: float, noise: float) ->
     nominal: gap of the nominal simulator. noise: gap due to noise.
     """
     residual = final.fit.residual
-    predictable = max(of_fit(final.problem, residual, search.floor), _by_curves(search, final.fit))
+    predictable = max(of_fit(final.problem, residual, search.floor), search.by_curves(final.fit.hypothesis))
     left = pooled(final.heldout)
     ceiling = float(np.sqrt(max(left**2 - predictable * max(left**2 - noise**2, 0.0), 0.0)))
     if left**2 <= NONE_ABOVE * noise**2:
@@ -307,16 +307,6 @@ def _remaining(search: Search, final: FinalFit, nominal: float, noise: float) ->
         of, stage = "unpredictable", None
     conditions, halves = _conditions(final.problem)
     return Remainder(left, share, of, stage, regimes(conditions, residual, halves)[:3]), ceiling
-
-
-def _by_curves(search: Search, fitted: Fit) -> float:
-    """Share of a fit's left-out squares beyond the noise that curves of the command in place of its law's coefficients
-    take off; 0 for a fit that the search does not have."""
-    found = search.fits.get(fitted.hypothesis.key)
-    if found is None:
-        return 0.0
-    own, *curved = (float(r @ r) for r, _ in search.versions(found))
-    return max((own - c) / max(own - search.floor, 1e-300) for c in [own, *curved])
 
 
 def widened(

@@ -172,6 +172,15 @@ class FitTable:
         """What curves of the command leave of the left-out squares of the law alone; 1 if they do not help."""
         return min(self.ratio(r, self.law_alone) for r in (self.law_alone, self.versions(self.base)[-1][0]))
 
+    def by_curves(self, hypothesis: Hypothesis) -> float:
+        """Share of the left-out squares beyond the noise that curves of the command in place of the law's coefficients
+        take off; 0 for a hypothesis that was not fitted here."""
+        found = self.fits.get(hypothesis.key)
+        if found is None:
+            return 0.0
+        own, *curved = (float(r @ r) for r, _ in self.versions(found))
+        return max((own - c) / max(own - self.floor, 1e-300) for c in [own, *curved])
+
     def ratio(self, residual: Array, reference: Array) -> float:
         """Share of the squares of a reference (samples,) that a residual (samples,) leaves in the cells
         (`left_out.ratio`), and of those of its travels after a turn (`fits.stall`)."""
