@@ -1,12 +1,15 @@
-"""Causes that end where they are another one."""
+"""Causes that end where they are another one, and parameters that the records cannot tell apart."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from laboratory import TRUE, rig_tests
+from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import CAUSE, LAW
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.penalties import gone, of_damper, unreferenced
@@ -14,6 +17,7 @@ from mrdamp.diagnosis.evidence.verdict import decide
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -130,3 +134,14 @@ def test_hysteresis_beside_a_law_without_any_counts_as_another_law_unless_the_la
     assert of_damper(rig, seal, unsure=True) == LAW
     assert of_damper(rig, seal) == 0.0
     assert of_damper(rig, spring, unsure=True) == 0.0
+
+
+def test_at_one_command_a_coefficient_is_known_as_a_whole_only() -> None:
+    """The rig's yield force at 1 A is 50 + 400 N, the simulator's 50 + 300 N: 150 N at no command do as well."""
+    records = tuple(rig_tests("bingham", chosen=(2, 5, 8), duration=2.0))
+    nominal = Model("bingham", {**TRUE["bingham"], "fyb": 300.0})
+    found = diagnose(Case("rig", Path(), nominal, records, ()), jobs=1)
+    assert found.verdict == "parameters"
+    assert found.corrected.parameters["fya"] == pytest.approx(150.0, rel=5e-3)
+    assert {name: found.corrected.parameters[name] for name in ("fyb", "c0b")} == {"fyb": 300.0, "c0b": 200.0}
+    assert set(found.intervals) == {"fya", "c0a", "v_ref"}

@@ -201,15 +201,20 @@ def _is_clearance(force: float, settings: Settings) -> bool:
     return 1 + max(hardening, settings.get("mount_compliance_stiffer", 0.0)) > CLEARANCE
 
 
-def nominal_coordinates(parameters: Settings, command: float, stroke: float) -> tuple[Coordinate, ...]:
+def nominal_coordinates(
+    parameters: Settings, command: float, stroke: float, *, one_command: bool = False
+) -> tuple[Coordinate, ...]:
     """The nominal parameters, free about their nominal values: range of a factor of 8, prior standard
     deviation of a factor of 1.35.
 
     An exponent of 1 or 2 is fixed: the hysteresis then has a closed form, which is five times as fast. So is the centre
-    of a spring at zero: a preload that the simulator does not have is a cause and no wrong number.
+    of a spring at zero: a preload that the simulator does not have is a cause and no wrong number. one_command: with
+    the same command in all records a coefficient is known as a whole only: its part at zero command is free.
     """
     out = []
     for name, value in parameters.items():
+        if one_command and name[-1] in "bcer" and parameters.get(f"{name[:-1]}a"):
+            continue
         if name in ("command_min", "command_max") or (name, value) in (("n", 1), ("n", 2), ("x0", 0)):
             continue
         if name == "n":

@@ -26,7 +26,7 @@ from mrdamp.diagnosis.problem.command_memory import with_waves
 from mrdamp.diagnosis.problem.designs import Envelope, Signal
 from mrdamp.diagnosis.problem.excerpts import STEP, Lead, excerpts
 from mrdamp.diagnosis.problem.residuals import Problem, compared
-from mrdamp.diagnosis.problem.simulator import Simulator
+from mrdamp.diagnosis.problem.simulator import STEADY, Simulator
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -48,9 +48,6 @@ _COARSE, _ROUGH, _FINE = 1e-3, 2e-3, 5e-4
 #: The logged motion is used if it reduces the nominal simulator's error to below this share of that with a
 #: smoothed motion.
 _LOGGED = 0.9
-#: Commands that change by no more than this share of the largest one in any record show nothing of what acts only
-#: while they change; measured commands that are meant to be constant wobble by up to 1.4 %.
-_STEADY = 0.05
 #: Factor on the range of a parameter that may be further off.
 _WIDER = 8.0
 
@@ -164,7 +161,7 @@ class DamperRig(Simulator):
 
     @cached_property
     def nominal(self) -> tuple[Coordinate, ...]:
-        return self.numbers(self._catalogue, _WIDER, self.wider.__contains__)
+        return self.numbers(self._catalogue, self.records, _WIDER, self.wider.__contains__)
 
     @cached_property
     def _catalogue(self) -> tuple[Term, ...]:
@@ -173,7 +170,7 @@ class DamperRig(Simulator):
     @property
     def still(self) -> bool:
         """See `mrdamp.diagnosis.problem.rig.Rig`."""
-        return all(float(np.ptp(r.command)) <= _STEADY * self.sizes.command for r in self.records)
+        return all(float(np.ptp(r.command)) <= STEADY * self.sizes.command for r in self.records)
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:

@@ -153,7 +153,7 @@ class FrameRig(Simulator):
     def nominal(self) -> tuple[Coordinate, ...]:
         """The nominal parameters, then the structural ones if they are free."""
         # At small drifts a frame's response depends little on some parameters, which may then be far off.
-        numbers = self.numbers(self.catalogue, _WIDER, lambda name: name != "n")
+        numbers = self.numbers(self.catalogue, self.records, _WIDER, lambda name: name != "n")
         return (*numbers, *(structure_coordinates(self.structure) if self.free_structure else ()))
 
     @cached_property

@@ -19,6 +19,9 @@ from mrdamp.diagnosis.problem.designs import Envelope
 from mrdamp.model import Effect, Model, effects_from
 from mrdamp.records import Record
 
+#: Commands that change by no more than this share of the largest one show nothing of what depends on them; measured
+#: commands that are meant to be constant wobble by up to 1.4 %.
+STEADY = 0.05
 #: A negative command below this share of the largest is a filter's overshoot.
 _OVERSHOOT = 0.05
 
@@ -50,12 +53,13 @@ class Simulator(ABC):
         return CommandMemory(self.base)
 
     def numbers(
-        self, catalogue: Sequence[Term], factor: float, which: Callable[[str], bool]
+        self, catalogue: Sequence[Term], records: Sequence[Record], factor: float, which: Callable[[str], bool]
     ) -> tuple[Coordinate, ...]:
         """The nominal parameters of the law, those that `which` names in a range that is wider by a factor, and of
         the effects."""
         model, s = self.nominal_model, self.sizes
-        law = nominal_coordinates(dict(model.parameters), s.command, s.stroke)
+        one_command = float(np.ptp(np.concatenate([r.command for r in records]))) <= STEADY * s.command
+        law = nominal_coordinates(dict(model.parameters), s.command, s.stroke, one_command=one_command)
         return (*widened(law, factor, which), *effect_coordinates(model.effects, catalogue))
 
     def limits(
