@@ -163,7 +163,7 @@ def test_motions_that_are_likely_none_are_told_of(tmp_path: Path, capsys: pytest
     gravity, mm, zero = (str(tmp_path / f"{name}.csv") for name in ("gravity", "mm", "zero"))
     assert cli.main([*call, gravity, zero, "-o", str(tmp_path / "out")]) != 0
     assert f"{zero}: the motion is zero throughout" in capsys.readouterr().err
-    assert not (tmp_path / "out" / "kept.jsonl").exists()
+    assert not (tmp_path / "out").exists()
     assert cli.main([*call, gravity, mm]) == 0
     said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("check: ")]
     assert [line.split(";")[0] for line in said] == [

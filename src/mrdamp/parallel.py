@@ -138,6 +138,7 @@ class Kept(dict[str, dict[str, Any]]):
         self[key] = result
         if self.path is not None:
             try:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
                 with self.path.open("a", encoding="utf-8") as stream:
                     line = {"key": key, "result": result, "digest": digest([key, result])}
                     stream.write(json.dumps(line) + "\n")

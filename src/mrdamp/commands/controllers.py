@@ -177,7 +177,7 @@ def _compare(a: argparse.Namespace) -> str:
     with progress_bar() as progress:
         result, loads, settings = compared(
             bench, a.controllers, loads, a.amplitudes, tune=a.tune, tuned=a.out and a.out / "tuned.json",
-            percent=a.spread, bound=a.bound, jobs=a.jobs, keep=_keep(a.out), progress=progress,
+            percent=a.spread, bound=a.bound, jobs=a.jobs, keep=a.out and a.out / "kept.jsonl", progress=progress,
         )  # fmt: skip
         about = _about(bench, result, settings)
         noted = " ".join([about, *(f"Note: {note}." for note in result.notes)])
@@ -215,13 +215,6 @@ def _places(text: str) -> tuple[int, int]:
         return int(lower), int(upper)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r}; allowed: two floors, as 0-1") from None
-
-
-def _keep(out: Path | None) -> Path | None:
-    if out is None:
-        return None
-    out.mkdir(parents=True, exist_ok=True)
-    return out / "kept.jsonl"
 
 
 def _about(bench: Bench, result: Comparison, settings: Mapping[str, Setting]) -> str:
@@ -276,7 +269,7 @@ def _answer(a: argparse.Namespace, lines: Sequence[str], report: Any, markdown: 
     """Prints a published table and writes it; 0."""
     print(json.dumps(report, indent=1) if a.json else "\n".join(lines))
     if a.out:
-        _keep(a.out)
+        a.out.mkdir(parents=True, exist_ok=True)
         with together():
             write_atomic(a.out / "table.md", markdown)
             if page:
