@@ -77,7 +77,6 @@ def test_the_headline_has_ties_with_their_probabilities() -> None:
     assert "agrees with the rig (probability 0.97)" in sentence(found(verdict="none", effects=()))
     hidden = found(verdict="none", effects=(), unseen=({"effect": "backlash"}, {"effect": "saturation"}))
     assert sentence(hidden).endswith("These records hardly show backlash, saturation.")
-    assert "on records left out of the fit;" in said
     # A fit of a smoothed motion leaves less than its file predicts of the motion as it is.
     noisy = found(gap=Gap(0.2, 0.2, 0.15, 0.01, (0.09, 0.11), left_out=0.08))
     assert "8.0 % on records left out of the fit with the noise of the motion smoothed away" in sentence(noisy)
@@ -89,6 +88,7 @@ def test_the_headline_has_ties_with_their_probabilities() -> None:
         candidates=(Candidate(("unknown",), 0.8, 0.2), Candidate((), 0.1, 0.2), Candidate(("driver_lag",), 0.1, 0.2)),
     )  # fmt: skip
     assert "established for the gap of 20.0 %; the first candidate is driver_lag." in sentence(unknown)
+    assert "The best correction leaves 10.0 %, 12.0 % on records left out of the fit." in sentence(unknown)
     rival = {"what": "an end stop", "gap": 0.1, "nearest_gap": 0.15}
     outside = replace(unknown, outside=rival)
     assert sentence(outside).endswith("A cause outside the catalogue has probability 0.80.")

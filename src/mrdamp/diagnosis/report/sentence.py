@@ -10,7 +10,7 @@ from mrdamp.diagnosis.fits.final import AGREEMENT
 from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
 from mrdamp.diagnosis.hypotheses.outside import PLAIN
 from mrdamp.diagnosis.report.changes import unit_of
-from mrdamp.diagnosis.report.result import Diagnosis, Named
+from mrdamp.diagnosis.report.result import Diagnosis, Gap, Named
 from mrdamp.model.attributes import effects
 
 #: Of a frame's structure; a damper's effects have theirs in their row of the C table.
@@ -70,10 +70,7 @@ def sentence(d: Diagnosis) -> str:
 def _sentence(d: Diagnosis) -> str:
     """Result in a few sentences: the cause, the reduction of the gap, the remainder."""
     g = d.gap
-    shrink = f"the gap goes from {percent(g.nominal)} to {percent(g.corrected)}"
-    if g.left_out is not None and percent(g.left_out) != percent(g.corrected):
-        shrink += f", {percent(g.left_out)} on records left out of the fit"
-        shrink += " with the noise of the motion smoothed away" * (g.left_out < g.corrected - AGREEMENT)
+    shrink = f"the gap goes from {percent(g.nominal)} to {_corrected(g)}"
     noise = f"noise {percent(g.noise_floor)}"
     likely = f"probability {d.probabilities.get(d.verdict, 0.0):.2f}"
     if d.verdict == "none":
@@ -113,6 +110,15 @@ def _sentence(d: Diagnosis) -> str:
         if rivals:
             said += f" {text} {', '.join(f'{name} (probability {p:.2f})' for name, p in rivals)}."
     return f"{said} With {them} in the simulator, {shrink}; {noise}.{_rest(d)}"
+
+
+def _corrected(g: Gap) -> str:
+    """The gap of the simulator that is handed over, and that on records left out where it is another figure."""
+    said = percent(g.corrected)
+    if g.left_out is not None and percent(g.left_out) != said:
+        said += f", {percent(g.left_out)} on records left out of the fit"
+        said += " with the noise of the motion smoothed away" * (g.left_out < g.corrected - AGREEMENT)
+    return said
 
 
 def _hidden(d: Diagnosis) -> str:
@@ -176,7 +182,7 @@ def _unknown(d: Diagnosis) -> str:
         )
     else:
         by = d.waterfall[-1].name.removeprefix("+ ") if d.waterfall else ""
-        handed = f"the best correction{f' ({by})' if by else ''} leaves {percent(g.corrected)}"
+        handed = f"the best correction{f' ({by})' if by else ''} leaves {_corrected(g)}"
     first = next((" and ".join(c.causes) for c in d.candidates if set(c.causes) - {"unknown", "parameters"}), "")
     return (
         f"No cause in the catalogue is established for the gap of {percent(g.nominal)}"
