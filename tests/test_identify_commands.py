@@ -162,7 +162,9 @@ def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureF
         np.savetxt(tests / f"{k}.csv", rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
         extra = {"displacement_m": 1e-3 * np.cos(w * t), "command": np.full(len(t), 0.5 * (k > 0))}
         Record(f"r{k}", None, dt, {**extra, **columns}).save(records / f"r{k}.csv")
-    assert run("calibrate", tests, "--records", records, "-o", tmp_path / "out") == 0
+    picture = tmp_path / "sensitivities.png"
+    assert run("calibrate", tests, "--records", records, "--picture", picture, "-o", tmp_path / "out") == 0
+    assert picture.is_file()
     text = capsys.readouterr().out
     assert "mean sensitivity -158.25 pC/N, delta_1 with it 3.49 %" in text
     assert "command      0.5    3.49 %   3.49 %  2 records  the paper's damper 2.30 %" in text
@@ -172,9 +174,11 @@ def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureF
     page = (tmp_path / "out" / "index.html").read_text()
     assert page.count("<svg") == 4
     alone = {name: made.channel(name) for name in ("displacement_m", "command", "charge_pC")}
-    Record("alone", None, dt, alone).save(tmp_path / "alone.csv")
-    assert run("calibrate", tests, "--records", tmp_path / "alone.csv", "-o", tmp_path / "out") == 0
-    assert read_record(tmp_path / "out" / "records" / "alone.csv").n == made.n
+    (tmp_path / "one").mkdir()
+    Record("alone", None, dt, alone).save(tmp_path / "one" / "alone.csv")
+    for given in (tmp_path / "one", tmp_path / "one" / "alone.csv"):
+        assert run("calibrate", tests, "--records", given, "-o", tmp_path / "out") == 0
+        assert read_record(tmp_path / "out" / "records" / "alone.csv").n == made.n
     capsys.readouterr()
     rows[:, 1] *= 1e-3
     np.savetxt(tmp_path / "kN.csv", rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")

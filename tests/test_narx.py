@@ -23,6 +23,7 @@ from mrdamp.narx import splits
 from mrdamp.narx.network import Network
 from mrdamp.parallel import Kept
 from mrdamp.records import Record, embedded
+from mrdamp.simulation.predict import predict
 from mrdamp.simulation.stepping import drive_rig
 from narx_data import made, motion, recursion
 from networks import Network as Written
@@ -241,6 +242,15 @@ def test_protocol_of_varying_command(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert f"one step {one:.1f} N, {100 * one / rms:.2f}"[:-1] in line
     for other in ("sine_1.0Hz_2.5mm_random_current", "triangle_2.5Hz_2.5mm_random_current"):
         errors(text, other)  # the paper's testing sets 1 and 2
+    # Beyond the commands that it was trained with it stays at their ends.
+    model, record = Model.read(tmp_path / "m.json"), embedded()[name]
+    low, high = record.command[:1200].min(), record.command[:1200].max()
+    assert model.parameters == {"command_min": low, "command_max": high}
+    beyond, ends = (
+        predict(model, record.with_channels({"command": u}))["force_N"]
+        for u in (1 - 3 * record.command, np.clip(1 - 3 * record.command, low, high))
+    )
+    np.testing.assert_array_equal(beyond, ends)
 
 
 def test_protocols_take_the_records_that_they_say() -> None:

@@ -29,6 +29,7 @@ from mrdamp.records import Record, embedded, read_records
 from mrdamp.records.channels import is_channel
 from mrdamp.records.checks import check_clipping, clipped, warnings_of
 from mrdamp.records.motion import cut, path, share_of_stroke
+from mrdamp.simulation.predict import predict
 from record_tables import table
 from record_tables import write as write_table
 from refusals import refuses
@@ -165,14 +166,19 @@ def test_a_single_record_is_cut_where_both_parts_move(
     # Cut at two thirds of its time, the first of these was fitted at rest: errors of 5.59 and 0.998.
     file = write(tmp_path / "r.csv", *burst(9, begin, end), noise=0.0)
     parts = read_records(file)
-    spans = [np.ptp(record.displacement) for record in parts]
+    spans = [np.ptp(record.displacement[record.lead :]) for record in parts]
     assert min(spans) > 0.3 * max(spans)
     code, out, _ = told(capsys, tmp_path / "m.json", file)
     assert code == 0
-    errors = out.splitlines()[1].replace(",", "").split()
+    errors = out.splitlines()[2].replace(",", "").split()
     # Its own law: what is left is the force's noise, 2 N of 57 to 118 N.
     assert float(errors[2]) < 0.06
     assert float(errors[5]) < 0.06
+    # The held-out part goes on from the fitted one: its error is that of a prediction of the whole record.
+    (record,), at = parts.whole, parts.validation[0].lead
+    force = record.channel("force_N")[at:]
+    left = predict(tmp_path / "m.json", record)["force_N"][at:] - force
+    assert float(errors[5]) == pytest.approx(np.sqrt(np.mean(left**2)) / np.std(force), abs=6e-4)
 
 
 @pytest.mark.parametrize(

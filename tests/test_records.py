@@ -271,9 +271,11 @@ def test_a_repeat_stays_with_the_test_it_repeats(tmp_path: Path) -> None:
 
 def test_one_record_is_cut_in_time(tmp_path: Path) -> None:
     found = read_records(write(tmp_path, table(301)))
-    assert sum(record.n for record in found) == 301
-    assert found.train[0].n == pytest.approx(201, abs=3)
-    assert found.validation[0].time[0] == pytest.approx(found.train[0].time[-1] + 0.002)
+    (fitted,), (held_out,) = found.train, found.validation
+    assert held_out.n == 301
+    assert held_out.lead == fitted.n == pytest.approx(201, abs=3)
+    assert held_out.resample(0.001).lead == 2 * fitted.n
+    assert [(r.n, r.lead) for r in found.whole] == [(301, 0)]
 
 
 def test_train_and_validation_folders(tmp_path: Path) -> None:

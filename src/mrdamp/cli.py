@@ -107,9 +107,13 @@ def build_parser() -> argparse.ArgumentParser:
 
     about = "a model's free run over a record's inputs"
     predict = add("predict", _predict, about, "mrdamp predict model.json record.csv -o pred.csv")
-    predict.add_argument("model", type=Path, help="case.json, corrected.json or a model file")
+    predict.add_argument("model", help="case.json, corrected.json or a model file, or the name of a parameter set")
     predict.add_argument("record", type=Path)
-    predict.add_argument("-o", "--out", type=OutFile, required=True, help="CSV to write")
+    predict.add_argument(
+        "-o", "--out", type=OutFile, required=True,
+        help="CSV to write, simulated alone: force_N of the damper's sensor, reference_force_N of a load cell without"
+        " errors; of a frame its floors",
+    )  # fmt: skip
 
     mjcf = add(
         "mjcf",
@@ -179,12 +183,11 @@ def _demo(a: argparse.Namespace) -> int:
 
 def _predict(a: argparse.Namespace) -> int:
     from mrdamp.identify.fit import error_of
-    from mrdamp.model import Model
     from mrdamp.records import read_record
     from mrdamp.records.checks import warnings_of
     from mrdamp.simulation.predict import INPUTS, clamped, noisy_motion, write_prediction
 
-    model = Model.read(a.model)
+    model = named_model(a.model)
     record = read_record(a.record, required=INPUTS[model.rig])
     columns = write_prediction(model, record, a.out)
     for name in columns:

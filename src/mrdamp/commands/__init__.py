@@ -241,7 +241,8 @@ def add_signals(p: argparse.ArgumentParser) -> None:
         "--cutoff", type=float, help="Hz, zero-phase low-pass of the measured displacement (default: none)"
     )
     p.add_argument("--cutoff-force", action="store_true", help="the same low-pass for the force")
-    p.add_argument("--zero-mean", action="store_true", help="subtract the means of displacement and force")
+    p.add_argument("--zero-mean", action="store_true",
+                   help="subtract the means of displacement and force; for records of whole cycles")
 
 
 def as_recorded(a: argparse.Namespace) -> RecordSet:
@@ -262,6 +263,9 @@ def read(a: argparse.Namespace) -> RecordSet:
     if a.cutoff_force and a.cutoff is None:
         raise InputError("--cutoff-force needs a --cutoff")
     records = as_recorded(a)
+    for r in records.held_out:
+        if r.lead:
+            print(f"check: {r.label}: the only record: fitted up to {r.time[r.lead]:.4g} s, held out from there on")
     return records.smoothed(a.cutoff, force=a.cutoff_force, zero_mean=a.zero_mean) if prepared(a) else records
 
 

@@ -8,14 +8,19 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import OutFolder, Picture, add_command, add_json, check_written
+from mrdamp.commands import OutFolder, Picture, add_command, add_json, check_written, save_picture
 from mrdamp.commands.identify_json import reporting
 from mrdamp.errors import InputError
 from mrdamp.files import together
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from mrdamp.identify.calibration import Calibration, SensingRow
     from mrdamp.records import Record
+
+#: Ratio of amplitudes, N, that a picture shows as one.
+_ALIKE = 1.1
 
 
 def add_to(commands: Any) -> None:
@@ -53,7 +58,7 @@ def run_calibrate(a: argparse.Namespace) -> dict[str, Any]:
     """Prints sensitivity, deviation and phase by test, the sensor's response, and delta_2 per current; returns what
     `--json` prints."""
     from mrdamp.identify import calibration
-    from mrdamp.records import read_record, read_records
+    from mrdamp.records import read_records
     from mrdamp.records.checks import warnings_of
 
     if a.tests:
@@ -61,9 +66,8 @@ def run_calibrate(a: argparse.Namespace) -> dict[str, Any]:
     else:
         tests = calibration.embedded_tests()
     source = a.records or (None if a.tests else "self_sensing")
-    # A set divides a file that is alone in two.
-    given = [read_record(source)] if source and Path(source).is_file() else read_records(source) if source else ()
-    warnings = [*warnings_of(tests), *warnings_of(list(given))]
+    given = read_records(source).whole if source else ()
+    warnings = [*warnings_of(tests), *warnings_of(given)]
     for warning in warnings:
         print(f"check: {warning}", flush=True)
     found = calibration.calibrate(tests, a.cutoff)
@@ -85,6 +89,8 @@ def run_calibrate(a: argparse.Namespace) -> dict[str, Any]:
     if a.out:
         _write(a.out, tests, found, records, rows)
         print(f"page: {a.out / 'index.html'}")
+    if a.picture:
+        save_picture(_sensitivities(found), a.picture)
     report = asdict(found) | {"warnings": warnings, "sensing": [asdict(row) for row in rows]}
     for test in report["tests"]:
         del test["gain"]  # a complex number; amplitude and phase are beside it
@@ -123,6 +129,20 @@ def _sensor(found: Calibration) -> None:
         print("phase, leakage and delay cannot be told apart: tests at three frequencies are needed")
 
 
+def _sensitivities(found: Calibration) -> Figure:
+    """Tests whose amplitudes differ by less than _ALIKE have one colour: a machine does not repeat them exactly."""
+    import numpy as np
+
+    from mrdamp.pictures.identification import sensitivities
+
+    rows, group = [], 0.0
+    for t in sorted(found.tests, key=lambda t: t.amplitude):
+        group = group if group and t.amplitude < _ALIKE * group else float(f"{t.amplitude:.2g}")
+        rows.append((t.frequency, group, t.sensitivity, t.delta_1))
+    frequency, amplitude, sensitivity, deviation = np.array(rows).T
+    return sensitivities(frequency, amplitude, sensitivity, deviation, found.sensitivity)
+
+
 def _name(row: SensingRow) -> str:
     return "varying" if row.command is None else f"{row.command:g}"
 
@@ -147,11 +167,8 @@ def _write(
         (t.name, t.frequency, t.amplitude, t.sensitivity, 100 * t.delta_1, t.phase) for t in found.tests
     ], "Sensitivity by Eq. (1) and its deviation by Eq. (2). The phase is that of the charge against the force, its"
        " sign taken off; a charge that lags by an angle has the sine of it as delta_1.")  # fmt: skip
-    data = np.array([(t.frequency, t.amplitude, t.sensitivity, t.delta_1) for t in found.tests]).T
-    page.figure(
-        "", pictures.sensitivities(data[0], np.round(data[1], -2), data[2], data[3], found.sensitivity),
-        "Sensitivity and deviation of each test.", "Sensitivities over the frequency.",
-    )  # fmt: skip
+    page.figure("", _sensitivities(found), "Sensitivity and deviation of each test.",
+                "Sensitivities over the frequency.")  # fmt: skip
     test = tests[len(tests) // 2]
     page.figure("", pictures.calibration_signals(test.time, *(test.channel(n) for n in COLUMNS[1:])),
                 f"Force and charge of the test {test.name}.", "Force and charge over time.")  # fmt: skip

@@ -111,6 +111,7 @@ def check_protocol(a: argparse.Namespace) -> None:
 
 def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress) -> dict[str, Any]:
     """Trains, prints both errors, and writes the model and its pictures; returns what `--json` prints."""
+    from mrdamp.identify.provenance import write_identified
     from mrdamp.narx import lagged, train_narx
     from mrdamp.narx.train import HORIZONS
 
@@ -146,7 +147,7 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
         model = _described(
             replace(model, weights=text, name=f"narx {pruned.smallest.topology}"), pruned.smallest, fit
         )
-    model.write(a.out)
+    write_identified(model, protocol_records(a, records).train, a.out)
     cache.unlink(missing_ok=True)
     _pictures(a, records.name, fit, splits, found, choice, pruned, model)
     print(f"model: {a.out}")

@@ -46,9 +46,10 @@ def figures(
         ("free_run", "free run", free_run_force, free_run_error, 0),
     ):
         out[key] = overview([
-            LoopData(s.name, s.sample_time * np.arange(first, s.n, dtype=float), s.x[first:], s.v[first:], s.i[first:],
-                     s.force[first:], force(net, s), command_unit, f"{said}: {error(net, s).rmse:.1f} N")
-            for s in judged
+            LoopData(s.name, s.start + s.sample_time * np.arange(s.n, dtype=float), s.x, s.v, s.i, s.force,
+                     force(net, whole), command_unit, f"{said}: {error(net, whole).rmse:.1f} N")
+            for whole in judged
+            for s in [whole.part(first, whole.n)]
         ])  # fmt: skip
     return out
 

@@ -67,11 +67,14 @@ class Table1:
 
 def overview_of(model: Model, records: Sequence[Record], command_unit: str = "A") -> Figure:
     """A model in free run over records of damper tests, as `mrdamp.pictures.damper.overview` draws them."""
-    return overview([
-        LoopData(r.name, r.time, r.displacement, r.velocity(), r.command, r.channel("force_N"), simulate(model, r),
-                 command_unit, f"free run: {error(model, r).rmse:.1f} N")
-        for r in records
-    ])  # fmt: skip
+
+    def drawn(r: Record) -> LoopData:
+        said, channels = f"free run: {error(model, r).rmse:.1f} N", (r.displacement, r.velocity(), r.command)
+        forces = r.channel("force_N"), simulate(model, r)
+        t, x, v, u, measured, simulated = (values[r.lead :] for values in (r.time, *channels, *forces))
+        return LoopData(r.name, t, x, v, u, measured, simulated, command_unit, said)
+
+    return overview([drawn(r) for r in records])
 
 
 def errors_picture(fit: Fit) -> Figure:

@@ -21,8 +21,8 @@ _START = 0.02
 
 
 def skipped(record: Record) -> int:
-    """Samples of the first 20 ms, where the unknown start state fades."""
-    return min(record.n // 4, int(_START / record.sample_time))
+    """Samples of the first 20 ms, where the unknown start state fades, or those that lead into the record."""
+    return record.lead or min(record.n // 4, int(_START / record.sample_time))
 
 
 def is_led(record: Record) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mrdamp.identify.excerpts import skipped
+from mrdamp.identify.excerpts import is_led, skipped
 from mrdamp.identify.fit import Fit, simulate
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
@@ -82,10 +82,14 @@ def _speed(record: Record) -> float:
 
 
 def _starts(fit: Fit, train: Sequence[Record]) -> list[str]:
-    """What the slow state at the start of records that begin in motion is worth."""
+    """Records that begin in motion, and what the slow state at their start is worth."""
+    moving = sum(is_led(record) for record in train)
     led = [record for record in train if fit.started.get(record.name)]
     if not led:
-        return []
+        return [
+            f"{moving} of {len(train)} records begin in motion: their state at the start is estimated, and parameters"
+            " may be off by more than their intervals; begin the recording before the motion"
+        ] * (moving > 0)
     both = [
         float(
             np.sqrt(

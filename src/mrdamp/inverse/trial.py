@@ -3,7 +3,7 @@ their page."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,10 +20,11 @@ from mrdamp.inverse.rig import Sizes, records_of, with_effects_of_a_rig
 from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, track
 from mrdamp.model import Model
 from mrdamp.model.core import Array
-from mrdamp.narx.data import series
+from mrdamp.narx.data import counted
 from mrdamp.parallel import Progress, silent
 from mrdamp.pictures.damper import force_tracking
 from mrdamp.records import RecordSet
+from mrdamp.records.csv_file import render
 from mrdamp.report import Page
 
 #: Kinds of wanted force: between what the least and the largest command would bring, or another random force cut off
@@ -108,7 +109,7 @@ def trial(
     if network is True:
         assert records is not None
         train, validation = (
-            [series(r, NETWORK_PERIOD) for r in part] for part in (records.train, records.validation)
+            [counted(r, NETWORK_PERIOD) for r in part] for part in (records.train, records.validation)
         )
         net = train_inverse(
             train, validation, commands=(low, high), judge=tracking_judge(model, motion, low, high), seed=seed,
@@ -181,7 +182,8 @@ _KINDS: Mapping[str, str] = {
 
 
 def write_page(result: Trial, out: Path, command_unit: str) -> Path:
-    """Writes index.html, a CSV table by kind of wanted force and network.json into a folder; returns the page."""
+    """Writes index.html, by kind of wanted force a table and the runs behind it, and network.json into a folder;
+    returns the page."""
     out.mkdir(parents=True, exist_ok=True)
     between = result.tracks["between"]
     best, switching = min(between, key=lambda t: t.error), next(t for t in between if t.name == "on/off switching")
@@ -201,12 +203,24 @@ def write_page(result: Trial, out: Path, command_unit: str) -> Path:
         page.table("", result.columns, result.rows(kind))
         lines = [(row[0], *(f"{v:.6g}" for v in row[1:])) for row in result.rows(kind)]
         write_atomic(out / f"{kind}.csv", csv_text(result.columns, lines))
+        write_atomic(out / f"{kind}_runs.csv.gz", render(_runs(result.tracks[kind]), 7))
     _models(page, result)
     if result.network:
         result.network.write(out / "network.json")
     path = out / "index.html"
     page.write(path)
     return path
+
+
+def _runs(tracks: Sequence[Track]) -> dict[str, Array]:
+    """Columns (n,): time, motion and wanted force, which all tracks share, then force and command of each."""
+    one = tracks[0]
+    columns = {"time_s": one.time, "displacement_m": one.displacement, "velocity_m_s": one.velocity}
+    columns["wanted_force_N"] = one.wanted
+    for t in tracks:
+        name = t.name.replace(",", "")
+        columns |= {f"force_N {name}": t.force, f"command {name}": t.command}
+    return columns
 
 
 def draw(result: Trial, kind: str, command_unit: str) -> Figure:

@@ -25,6 +25,7 @@ class Series:
     """One part of one record at the network's sample time (s): x (m), v (m/s), i (command), F (N), (n,) each.
 
     noise: N, of the force as it was measured, before a change of rate; an upper bound, as corners count as noise.
+    start: s, of the first sample on the record's clock.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Series:
     i: Array
     force: Array
     noise: float = float("nan")
+    start: float = 0.0
 
     @property
     def n(self) -> int:
@@ -44,8 +46,9 @@ class Series:
         """The samples start to stop - 1."""
         cut = slice(start, stop)
         return replace(
-            self, name=name or self.name, x=self.x[cut], v=self.v[cut], i=self.i[cut], force=self.force[cut]
-        )
+            self, name=name or self.name, x=self.x[cut], v=self.v[cut], i=self.i[cut], force=self.force[cut],
+            start=self.start + start * self.sample_time,
+        )  # fmt: skip
 
     def regressors(self, inputs: Sequence[Input]) -> Array:
         """(n, inputs) in physical units; the first rows, up to the largest lag, hold the plugin's start."""
@@ -85,7 +88,14 @@ def series(record: Record, sample_time: float | None = None) -> Series:
         return values if same else resampled(values, old, new, filtered=smooth)
 
     x, v = at_new(record.displacement), at_new(record.velocity())
-    return Series(record.name, new, x, v, at_new(record.command, smooth=False), at_new(force), noise(force))
+    command, begin = at_new(record.command, smooth=False), float(record.time[0])
+    return Series(record.name, new, x, v, command, at_new(force), noise(force), begin)
+
+
+def counted(record: Record, sample_time: float | None = None) -> Series:
+    """`series` without the samples that lead into the record."""
+    made = series(record, sample_time)
+    return made.part(round(record.lead * record.sample_time / made.sample_time), made.n)
 
 
 def protocol(

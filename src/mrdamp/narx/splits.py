@@ -9,7 +9,7 @@ import numpy as np
 from mrdamp.errors import InputError
 from mrdamp.identify import error, pooled
 from mrdamp.model import Model
-from mrdamp.narx.data import PROTOCOL, PROTOCOL_TIME, Series, protocol, series
+from mrdamp.narx.data import PROTOCOL, PROTOCOL_TIME, Series, counted, protocol, series
 from mrdamp.narx.evaluation import free_run_error
 from mrdamp.narx.network import Network
 from mrdamp.records import Record, RecordSet
@@ -79,7 +79,7 @@ def of_records(records: RecordSet, sample_time: float | None = None) -> DataSpli
     """Whole records. sample_time (s): None is the slowest training record's, 2 ms at least. Raises InputError."""
     step = sample_time or max(PROTOCOL_TIME, *(record.sample_time for record in records.train))
     parts = [
-        tuple(series(r, step) for r in part) for part in (records.train, records.validation, records.test)
+        tuple(counted(r, step) for r in part) for part in (records.train, records.validation, records.test)
     ]
     return DataSplit(parts[0], parts[1], parts[2], step, records.validation)
 
@@ -152,6 +152,7 @@ def _varying(
     records: RecordSet, name: str | None, count: int, sample_time: float
 ) -> tuple[Record, tuple[Record, ...]]:
     """The record to cut, and the others whose command varies."""
+    records = RecordSet(records.name, records.whole, ())
     varying = [r for r in records if np.ptp(r.command) > 0.0]
     if not varying:
         raise InputError(f"{records.name}: the command never varies in any record; use --protocol constant")

@@ -59,19 +59,23 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class FitNarx:
-    """A trained network with both errors, the posterior of the stage it comes from, and the stages."""
+    """A trained network with both errors, the posterior of the stage it comes from, the stages, and the range of the
+    commands that it was trained with (without the sign's symmetry of a law)."""
 
     network: Network
     one_step: Evaluation
     free_run: Evaluation
     posterior: Posterior
     stages: tuple[Stage, ...]
+    commands: tuple[float, float]
 
     @property
     def model(self) -> Model:
         """As the plugin and `mrdamp predict` take it."""
+        follows = any(channel == "i" for channel, _ in self.network.inputs)
         return Model(
-            "narx", weights=self.network.to_text(), name=f"narx {self.network.topology}",
+            "narx", dict(zip(("command_min", "command_max"), self.commands, strict=True)) if follows else {},
+            weights=self.network.to_text(), name=f"narx {self.network.topology}",
             sample_rate_hz=round(1.0 / self.network.sample_time, 6),
         )  # fmt: skip
 
@@ -195,7 +199,9 @@ def train_narx(
     run.progress("evaluating", 1.0)
     assert best is not None
     result = network.with_theta(best[1].theta)
-    return FitNarx(result, *evaluate(result, train, validation, test), best[1], tuple(stages))
+    commands = np.concatenate([s.i for s in train])
+    span = float(commands.min()), float(commands.max())
+    return FitNarx(result, *evaluate(result, train, validation, test), best[1], tuple(stages), span)
 
 
 @dataclass(frozen=True)

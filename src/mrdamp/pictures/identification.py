@@ -109,7 +109,7 @@ def sensitivities(
         colour, marker = style.COLOURS[k % len(style.COLOURS)], style.MARKERS[k % len(style.MARKERS)]
         top.plot(arrays[0][at], arrays[2][at], marker, color=colour, markersize=5)
         bottom.plot(arrays[0][at], 100 * arrays[3][at], marker, color=colour, markersize=5)
-        handles.append(Line2D([], [], color=colour, marker=marker, linestyle="", label=f"{size:.0f} N"))
+        handles.append(Line2D([], [], color=colour, marker=marker, linestyle="", label=f"{size:g} N"))
     handles.append(top.axhline(mean, color=style.INK, linewidth=1.0, label=f"mean {mean:.1f} pC/N"))
     top.set_ylabel("sensitivity, pC/N")
     bottom.set_ylabel("deviation, %")

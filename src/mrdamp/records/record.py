@@ -36,6 +36,7 @@ class Record(Shown):
         channels: name -> (n,) float64, read-only, in file order; the names and units of
             `mrdamp.records.channels.CHANNELS`. ``time_s`` is put in front when it is not given.
         ignored: columns of the file that are no channels.
+        lead: number of samples at its start that lead into it: simulated, and compared with nothing.
 
     Raises:
         InputError: not a channel name, unequal lengths, fewer than 3 samples, a number that is not finite.
@@ -47,6 +48,7 @@ class Record(Shown):
     sample_time: float
     channels: Mapping[str, Array]
     ignored: tuple[str, ...] = ()
+    lead: int = 0
 
     def __post_init__(self) -> None:
         check_header(self.label, tuple(self.channels), ())
@@ -157,11 +159,11 @@ class Record(Shown):
             channels[name] = sampling.resampled(x, self.sample_time, sample_time, filtered=filtered)
         count = len(channels["time_s"])
         channels["time_s"] = self.time[0] + sample_time * np.arange(count)
-        return self._like(sample_time, channels)
+        return replace(self._like(sample_time, channels), lead=round(self.lead * self.sample_time / sample_time))
 
     def with_channels(self, channels: Mapping[str, Array]) -> Record:
         """The record with channels (n,) added or replaced."""
-        return self._like(self.sample_time, {**self.channels, **channels})
+        return replace(self, channels={**self.channels, **channels})
 
     def save(self, path: Path | str, digits: int = 9) -> None:
         """Write a .csv or .csv.gz in one go, with so many significant digits. Raises InputError: another suffix, or the
@@ -200,6 +202,12 @@ class RecordSet:
     def held_out(self) -> tuple[Record, ...]:
         """All that no law is fitted to."""
         return self.validation + self.test
+
+    @property
+    def whole(self) -> tuple[Record, ...]:
+        """All of them; a record that is cut in time, once and uncut."""
+        uncut = tuple(replace(r, lead=0) for r in self.held_out if r.lead)
+        return uncut or self.records
 
     def smoothed(
         self, cutoff_hz: float | None, *, force: bool = False, zero_mean: bool = False
@@ -283,7 +291,7 @@ def read_records(
     every third one (the last of two) is for validation, another in its place where its command goes beyond those of
     the rest, and a test that repeats another (``repeat`` in its
     name, same input) stays on the side of the other. A record that is alone is cut in time, where it has
-    covered two thirds of its path: the rest is held out, and both parts move.
+    covered two thirds of its path: the rest is held out, simulated from the record's start on.
 
     Args:
         source: a folder, one file or several.
@@ -351,8 +359,8 @@ def _hold_out(name: str, records: tuple[Record, ...]) -> RecordSet:
         only = records[0]
         x = only.channels.get("displacement_m", only.time)
         at = min(max(motion.cut(x), 2), only.n - 4)
-        parts = only.part(only.time[0], only.time[at]), only.part(only.time[at + 1], only.time[-1])
-        return RecordSet(name, parts[:1], parts[1:])
+        fitted = replace(only.part(only.time[0], only.time[at]), name=f"{only.name}:train")
+        return RecordSet(name, (fitted,), (replace(only, lead=at + 1),))
     division.refuse_copies(records)
     validation = division.held_out(records)
     train = tuple(record for k, record in enumerate(records) if k not in validation)
