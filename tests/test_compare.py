@@ -31,6 +31,7 @@ from mrdamp.envs.training_loads import (
     read_motions,
 )
 from mrdamp.errors import InputError
+from mrdamp.model import Effect
 from mrdamp.motions import kanai_tajimi
 from mrdamp.parallel import run_all
 from mrdamp.simulation.criteria import evaluate
@@ -86,6 +87,16 @@ def test_a_stopped_comparison_goes_on(tmp_path: Path) -> None:
     assert squares(1, 2, 3)[1] == 4  # a changed line is done again
     assert done == [2]
     refuses(lambda: squares(1, jobs=0), "0 jobs")
+
+
+def test_a_mass_of_an_effect_counts_in_the_base_shear_and_the_weight() -> None:
+    """The same frame in two ways: 30 kg more on floor 3 in its structure, and as an effect."""
+    model, added = preset.frame_model(), np.array([0, 0, 30.0])
+    heavier = replace(dyke1996(), mass=dyke1996().mass + added)
+    ways = replace(model, structure=heavier), model.with_effects((Effect("floor_mass", {"dm": 30.0}, 3),))
+    runs = [FrameBench(way).run("constant:value=0.75", MOTIONS[0], 1.0)["criteria"] for way in ways]
+    assert runs[1]["peak_base_shear"] == pytest.approx(runs[0]["peak_base_shear"], rel=1e-5)
+    assert runs[1]["weight"] == pytest.approx(9.80665 * heavier.mass.sum(), rel=1e-4)
 
 
 def test_an_outcome_is_what_the_run_says() -> None:

@@ -236,7 +236,7 @@ def test_every_named_controller_is_one() -> None:
     y = {f"acceleration_{j}": -0.5 * j for j in (1, 2, 3)} | {f"displacement_{j}": -1e-3 for j in (1, 2, 3)}
     y |= {"stroke_velocity": 0.05, "force": 60.0}
     for kind in registry.OPTIONS:
-        controller = registry.make(kind, SITE)
+        controller = registry.make("constant:value=1" if kind == "constant" else kind, SITE)
         assert isinstance(controller, Controller)
         assert controller.period == SITE.period
         runs = []
@@ -273,6 +273,9 @@ def test_options_reach_the_controller() -> None:
         ("policy:", "give its file"),
         ("skyhook:damping=-1", "skyhook: damping is -1"),
         ("modulated-optimal:force_max=0", "force_max is 0"),
+        ("constant", "value is missing; allowed: 0 to 2.25"),
+        ("clipped-optimal:level=2", "clipped-optimal: level is 2; allowed: 0 to 1"),
+        ("lyapunov:weak=-5", "lyapunov: weak is -5; allowed: 0 or more"),
     ],
 )
 def test_bad_specs_get_one_line(spec: str, says: str) -> None:

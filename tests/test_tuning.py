@@ -117,13 +117,28 @@ def test_the_search_finds_a_known_least_and_leaves_out_what_cannot_be_made(monke
     refuses(lambda: tuning.Search(BENCH, "clipped-optimal").run(), "no setting of clipped-optimal")
 
 
+@pytest.mark.parametrize("best", [0.0, 2.25])
+def test_a_best_constant_may_be_an_end_of_the_range(monkeypatch: pytest.MonkeyPatch, best: float) -> None:
+    """Of a score that falls or rises throughout the range."""
+
+    class Slope(Valley):
+        def scores(self, controllers: list[Controller]) -> list[float]:
+            self.periods += len(controllers)
+            return [1.0 + abs(float(c.command(0.0, {"force": 0.0})) - best) for c in controllers]
+
+    monkeypatch.setattr(tuning, "Loops", Slope)
+    monkeypatch.setattr(FrameBench, "effort", lambda bench, kind: (1, 200))
+    found = tuning.Search(BENCH, "constant").run()
+    assert (found.spec, found.score) == (f"constant:value={best:g}", 1.0)
+
+
 @pytest.mark.parametrize("bench", [CableBench(), CarBench()], ids=["cable", "car"])
 def test_every_kind_of_other_plants_runs_as_rows(bench: CableBench | CarBench) -> None:
     """Rows of the same load agree with one another, and with a single one of them."""
     long = bench.tuning_loads()[0]
     part = {"force": long.force[:60]} if isinstance(long, CableLoad) else {"height": long.height[:200]}
     load = replace(long, **part)
-    for kind in set(bench.tuned.values()):
+    for kind in {"constant:value=0.05" if kind == "constant" else kind for kind in bench.tuned.values()}:
         (one,) = tuning.Loops(bench, [load], 1).scores([bench.controller(kind)])
         two = tuning.Loops(bench, [load, load], 1).scores([bench.controller(kind)])
         assert two == pytest.approx([one], rel=1e-9), kind

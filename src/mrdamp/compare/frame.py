@@ -143,8 +143,7 @@ class FrameBench(Bench):
 
     def criteria(self, spec: str, run: FrameRun) -> Criteria:
         """Of a run."""
-        frame, largest = self.model.structure, self.site.command_max
-        assert frame is not None
+        frame, largest = self.model.built, self.site.command_max
         if spec == UNCONTROLLED:
             return evaluate(frame, run.time, run.drift, run.acceleration, command_max=largest)
         return evaluate(frame, run.time, run.drift, run.acceleration, run.force, run.stroke, run.command, largest)

@@ -194,6 +194,7 @@ class Search:
             )  # fmt: skip
         every = Loops(self.bench, self.loads[:: 1 if self.stride <= 8 else 4], _CHOSEN)
         begun = [] if start is None else [self.spec(start.tolist())]
+        begun += [self.spec([end]) for end in (0.0, 1.0) if len(cube) == 1]  # which no member is
         chosen = dict.fromkeys([*begun, *sorted(self.found, key=self.found.__getitem__)])
         scores = self.scores(list(chosen)[:_CHOSEN], every)
         spec = min(scores, key=scores.__getitem__)

@@ -41,7 +41,7 @@ _LEAK = 15.0  # periods of the first mode, of the peak that `weak` is compared w
 _LEVEL = {"level": 1.0}  # of on/off switching, over the largest command
 _WEAK = {"weak": 0.0}  # N, that the damper resists weak motion with, where its command is never small: `_at_least`
 _BALANCED = {"balance": 100.0, "r": 1e-6, "noise_ratio": 50.0}
-PASSIVE: Mapping[str, Mapping[str, float]] = {"passive-off": {}, "passive-on": {}, "constant": {"value": 0.0}}
+PASSIVE: Mapping[str, Mapping[str, float]] = {"passive-off": {}, "passive-on": {}, "constant": {"value": math.nan}}
 #: Of a frame's controllers.
 OPTIONS: Mapping[str, Mapping[str, float]] = {
     **PASSIVE,
@@ -151,9 +151,7 @@ class Site(AnySite):
             raise InputError(f"{model.name}: rig damper has no frame")
         own = tuple(e for e in model.effects if e.place is None)
         damper = replace(model, rig="damper", structure=None, effects=own)
-        held, s = model.frame, model.structure
-        frame = ShearFrame(held.mass, held.stiffness, held.damping, s.damper_between, s.others)
-        return cls(frame, damper, largest_command(model), period)
+        return cls(model.built, damper, largest_command(model), period)
 
     @cached_property
     def force_max(self) -> float:  # type: ignore[override]
@@ -214,7 +212,8 @@ def _lyapunov(site: AnySite, o: Mapping[str, float]) -> Controller:
 
 def _constant(site: AnySite, o: Mapping[str, float]) -> Controller:
     if not 0 <= o["value"] <= site.command_max * (1 + 1e-9):
-        raise InputError(f"constant: value is {o['value']:g}; allowed: 0 to {site.command_max:g}, the largest command")
+        given = "missing" if math.isnan(o["value"]) else f"{o['value']:g}"
+        raise InputError(f"constant: value is {given}; allowed: 0 to {site.command_max:g}, the largest command")
     return Constant(o["value"], f"constant {o['value']:g}", site.period)
 
 
@@ -248,6 +247,10 @@ BUILDERS: Mapping[str, tuple[Builder, str]] = {
 }
 
 
+#: Least and largest value of options that are not any number.
+_ALLOWED = {"level": (0.0, 1.0), "balance": (0.0, math.inf), "weak": (0.0, math.inf)}
+
+
 def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) -> tuple[str, str, Options]:
     """Kind, a policy's path or "", and options of `kind`, `kind:key=value,...`, `policy:PATH` or `own:...`.
 
@@ -275,6 +278,10 @@ def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) 
             raise InputError(f"controller {kind}: {key} is {value!r}; allowed: a number") from None
         if not math.isfinite(options[key]):
             raise InputError(f"controller {kind}: {key} is {value}; allowed: a finite number")
+        low, high = _ALLOWED.get(key, (-math.inf, math.inf))
+        if not low <= options[key] <= high:
+            ends = f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} or more"
+            raise InputError(f"controller {kind}: {key} is {value}; allowed: {ends}")
     return kind, "", options
 
 

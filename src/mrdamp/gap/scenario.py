@@ -24,7 +24,6 @@ from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.parallel import mapped
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.stepping import FrameRun, run_frame
-from mrdamp.structures import ShearFrame
 
 LEARNED = "learned"
 Progress = Callable[[str, float], None]
@@ -91,9 +90,7 @@ class Learning:
 def straightened(model: Model) -> Model:
     """The same simulator with other masses, stiffnesses and damping in place of the effects that are just that."""
     linear = tuple(e for e in model.effects if _is_linear(e))
-    frame, s = replace(model, effects=linear).frame, model.structure
-    assert s is not None
-    structure = ShearFrame(frame.mass, frame.stiffness, frame.damping, s.damper_between)
+    structure = replace(model, effects=linear).built
     return replace(model, structure=structure, effects=tuple(e for e in model.effects if not _is_linear(e)))
 
 

@@ -184,6 +184,13 @@ class Model:
             **sensors,
         )
 
+    @property
+    def built(self) -> ShearFrame:
+        """The structure with the masses, stiffnesses and damping that the effects give it."""
+        held, s = self.frame, self.structure
+        assert s is not None
+        return ShearFrame(held.mass, held.stiffness, held.damping, s.damper_between, s.others)
+
     def with_effects(self, effects: Sequence[Effect]) -> Model:
         """The same model with these effects in place of its own."""
         return replace(self, effects=tuple(effects))
