@@ -16,6 +16,7 @@ from mrdamp.compare.bench import Bench
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare, distinct
 from mrdamp.compare.contenders import Contender, contenders
+from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.goals import GoalBench
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
@@ -149,6 +150,14 @@ def test_settings_belong_to_what_loads_are_and_not_to_their_names_alone(
     before, loads = own.identity(), own.tuning_loads()
     monkeypatch.setattr(type(own), "tuning_loads", lambda self: [loads[0].scaled(1.001), *loads[1:]])
     assert own.identity() != before
+
+
+def test_a_command_has_the_unit_of_its_parameter_set(tmp_path: Path) -> None:
+    """Three volts are an ampere: with another unit the coil's energy is nine times as large."""
+    frame_model().write(tmp_path / "tower.json")
+    replace(frame_model(), name="mine").write(tmp_path / "mine.json")
+    units = [bench_of("frame", tmp_path / name).command_unit for name in ("tower.json", "mine.json")]
+    assert units == [bench_of("frame").command_unit, "A"] == ["V", "A"]
 
 
 def test_motions_that_are_likely_none_are_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

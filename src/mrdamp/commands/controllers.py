@@ -102,8 +102,9 @@ def _add_compare(commands: Any) -> None:
         help="repeat with so much less and more stiffness, and mass, than controllers know",
     )  # fmt: skip
     p.add_argument(
-        "--command-unit", choices=("A", "V"), help="of the command (default: V, A with --model)"
-    )
+        "--command-unit", choices=("A", "V"),
+        help="of the command (default: V; with --model that of the parameter set of its name, else A)",
+    )  # fmt: skip
     p.add_argument(
         "--period", type=float, metavar="MS", help="of control (default: 1 ms on the frame, else 5 ms)"
     )

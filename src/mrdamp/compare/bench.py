@@ -241,8 +241,12 @@ class Bench(ABC):
         InputError."""
         registry.parse(spec, self.site.options)
         controller = self.controller(spec)
-        controller.reset()
-        controller.command(0.0, dict.fromkeys(self.measured, 0.0))
+        try:
+            controller.reset()
+            controller.command(0.0, dict.fromkeys(self.measured, 0.0))
+        except InputError as error:
+            said = str(error)
+            raise InputError(said if said.startswith("controller ") else f"controller {spec}: {said}") from None
 
     def controller(self, spec: str) -> Controller:
         """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""

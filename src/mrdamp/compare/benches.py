@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
+from mrdamp import sets
 from mrdamp.compare import clairvoyant
 from mrdamp.compare.beam import WIDTHS
 from mrdamp.compare.bench import Bench, Load
@@ -215,17 +216,18 @@ def bench_of(
     """The bench of a structure. Raises InputError.
 
     model: of the damper, or its file; None: the published one. command_unit: A or V; None: V for the published model,
-    else A. period: s; None: 1 ms of the frame, else 5 ms. compression: of the time of ground
-    motions, None: five times. Of a frame alone: dampers: pairs of floors between which it
-    has dampers; none: its model's. told: what controllers of a frame are told in place of the model.
+    that of a parameter set of the model's name, else A. period: s; None: 1 ms of the frame, else 5 ms. compression: of
+    the time of ground motions, None: five times. Of a frame alone: dampers: pairs of floors between which it has
+    dampers; none: its model's. told: what controllers of a frame are told in place of the model.
     """
     if structure not in STRUCTURES and not NAMED.fullmatch(structure):
         raise InputError(f"environment {structure!r} is unknown; there are {', '.join(STRUCTURES)}, file.py:NAME")
     if command_unit not in (None, "A", "V"):
         raise InputError(f"command_unit is {command_unit!r}; allowed: A, V")
     kind = STRUCTURES.get(structure)
-    unit = command_unit or ("V" if model is None else "A")
     read = model if model is None or isinstance(model, Model) else Model.read(model)
+    published = read is not None and read.name in sets.names()
+    unit = command_unit or ("V" if read is None else sets.load(read.name).command.unit if published else "A")
     fast = TIME_SCALE if compression is None else compression
     require_positive("compare", compression=fast)
     if kind == "frame":

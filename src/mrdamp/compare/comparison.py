@@ -148,6 +148,11 @@ class Comparison(Shown):
         counts = (self.contenders, "controllers"), (self.loads, "loads"), (self.amplitudes, "amplitudes")
         return f"Comparison({', '.join(f'{len(some)} {what}' for some, what in counts)})"
 
+    @property
+    def has_intervals(self) -> bool:
+        """False with one load and one seed of each controller, between which nothing is drawn."""
+        return len(self.loads) > 1 or any(len(c.specs) > 1 for c in self.contenders)
+
     def summary(self, contender: str, measure: str) -> Summary:
         """Mean, worst and the mean's interval over seeds and loads."""
         return summarise(self.values[contender][measure])

@@ -192,8 +192,9 @@ class FrameBench(Bench):
     def about(self) -> str:
         frame = self.site.frame
         places = " and ".join(f"{below}-{above}" for below, above in self.places)
+        storeys = "1 storey" if frame.storeys == 1 else f"{frame.storeys} storeys"
         return (
-            f"{self.model.name} in a frame of {frame.storeys} storeys, damper between floors {places}, "
+            f"{self.model.name} in a frame of {storeys}, damper between floors {places}, "
             f"motions at {self.compression:g} times their speed, control period {1e3 * self.period:g} ms; "
             f"{knowledge(self.told or self.model)}"
             + (f", of {self.told.name} in place of the true model" if self.told else "")

@@ -98,7 +98,8 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
         )
     page.table("Table", *tables.means(result, bench))
     claimed = {key: _words(key, titles[key]) for key in bench.claimed}
-    page.table("", *tables.intervals(result, claimed))
+    if result.has_intervals:
+        page.table("", *tables.intervals(result, claimed))
     for name in learned:
         page.table(f"{name} less the others", *tables.claims(result, name, claimed))
     if result.others:
@@ -246,8 +247,11 @@ def _summary(result: Comparison, bench: Bench) -> str:
     best = min(rated, key=lambda name: float(np.mean(rated[name])))
     apart = {name: difference(rated[best], other).high < 0 for name, other in rated.items() if name != best}
     ties = [name for name, clear in apart.items() if not clear]
-    of = " and ".join(m.title for m in result.measures if m.key in result.objective)
-    least = f"{best} has the least {of} in the mean with a damper, {np.mean(rated[best]):.0%} of {bench.reference}"
+    titles = [m.title for m in result.measures if m.key in result.objective]
+    of = f"mean of {' and '.join(titles)}" if titles[1:] else titles[0]
+    least = f"{best} has the least {of} with a damper, {np.mean(rated[best]):.0%} of {bench.reference}"
+    if not result.has_intervals:
+        return f"{text}: {least}; one motion or load gives no interval."
     if ties:
         return f"{text}: {least}; 95 % intervals of this mean do not separate it from {', '.join(ties)}."
     return f"{text}: {least}; 95 % intervals of this mean separate it from all others."

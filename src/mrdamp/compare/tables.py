@@ -160,7 +160,9 @@ def report(result: Comparison, bench: Bench, about: str) -> str:
     keys = {key: key for key in bench.claimed}
     table = means(result, bench)
     parts = [f"# Controllers compared\n\n{about}\n", table.markdown()]
-    parts += [f"{table.note}\n\n## 95 % intervals of the means\n", intervals(result, keys).markdown()]
+    parts.append(f"{table.note}\n")
+    if result.has_intervals:
+        parts += ["## 95 % intervals of the means\n", intervals(result, keys).markdown()]
     if result.bounds:
         way = shares(result)
         parts += [f"## Way to the clairvoyant command\n\n{way.note}\n", way.markdown()]

@@ -57,7 +57,8 @@ def ranking(panels: Mapping[str, Sequence[Bar]]) -> Figure:
     for ax in axes[len(panels) :]:
         ax.set_visible(False)
     style.name_rows(axes[: len(panels)], names, 128)
-    _interval_legend(fig, "mean", "95 % of the mean", "worst")
+    drawn = any(np.isfinite(b.low) for bars in panels.values() for b in bars)
+    _interval_legend(fig, "mean", "95 % of the mean" if drawn else "", "worst")
     return fig
 
 
@@ -101,12 +102,13 @@ def _row(ax: Axes, y: float, bar: Bar, least: float = -np.inf) -> None:
 
 
 def _interval_legend(fig: Figure, mean: str, interval: str, single: str) -> None:
-    """Of what `_row` draws."""
-    style.line_legend(fig, {
+    """Of what `_row` draws. interval: empty where there is none."""
+    looks: dict[str, dict[str, Any]] = {
         mean: {"color": style.COLOURS[0], "marker": "o", "markersize": 4.5, "linestyle": "none"},
         interval: {"color": style.COLOURS[0], "linewidth": 3.2, "alpha": 0.35},
         single: {"color": style.MUTED, "marker": "|", "markersize": 7, "linestyle": "none"},
-    })  # fmt: skip
+    }
+    style.line_legend(fig, {name: look for name, look in looks.items() if name})
 
 
 def _controllers(what: str, panels: Mapping[str, Sequence[Bar]]) -> list[str]:
