@@ -92,10 +92,7 @@ def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Dec
         return decision
     near = sorted(range(len(fits)), key=lambda k: (fits[k].cost, fits[k].hypothesis.name))[:_NEAREST]
     near += [k for k, f in enumerate(fits) if not f.hypothesis.terms]  # any effect bends a wrong law
-    best = min(near, key=lambda k: search.ratio(search.predicted(fits[k]), search.reference))
-    found = fits[best]
-    left = max(found.cost - decision.floor, 0.0) / decision.excess
-    return replace(decision, chosen=replace(scored([found])[0], index=best), unexplained=left)
+    return with_fit(decision, fits, min(near, key=lambda k: search.ratio(search.predicted(fits[k]), search.reference)))
 
 
 def stated(
@@ -132,9 +129,7 @@ def likely(
     alike = [k for k, f in enumerate(fits) if set(f.hypothesis.causes) == named]
     if named == causes or not alike:
         return decision
-    best = max(alike, key=lambda k: (decision.probabilities[k], -fits[k].cost))
-    left = max(fits[best].cost - decision.floor, 0.0) / decision.excess
-    return replace(decision, chosen=replace(scored([fits[best]])[0], index=best), unexplained=left)
+    return with_fit(decision, fits, max(alike, key=lambda k: (decision.probabilities[k], -fits[k].cost)))
 
 
 def never_worse(
@@ -185,6 +180,12 @@ def unexplained(decision: Decision, fits: Sequence[Fit]) -> Decision:
 def not_established(decision: Decision) -> Decision:
     """The decision without a cause: it is unknown."""
     return replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
+
+
+def with_fit(decision: Decision, fits: Sequence[Fit], index: int) -> Decision:
+    """The decision with another fit as the chosen one."""
+    left = max(fits[index].cost - decision.floor, 0.0) / decision.excess
+    return replace(decision, chosen=replace(scored([fits[index]])[0], index=index), unexplained=left)
 
 
 def unchanged(decision: Decision, fits: Sequence[Fit]) -> Decision:
