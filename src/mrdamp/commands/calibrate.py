@@ -33,8 +33,10 @@ def add_to(commands: Any) -> None:
         "mrdamp calibrate tests/ --records records/ -o out/sensor",
     )
     p.add_argument(
-        "tests", nargs="*", type=Path, help="CSV files or a folder (default: the 16 embedded tests)"
-    )
+        "tests", nargs="*", type=Path,
+        help="CSV files or a folder of sine tests, with time_s, reference_force_N and charge_pC (default: the embedded"
+        " sixteen)",
+    )  # fmt: skip
     p.add_argument(
         "--records",
         type=Path,
