@@ -119,6 +119,8 @@ def calibrate(tests: Sequence[Record], cutoff: float | None = None) -> Calibrati
             " below 4 %; check that charge and force are of one test and on one clock"
         )
     response = _response(results)
+    if response[1] is not None and np.isfinite(response[1][0]):  # again, beside what is left of the test's start
+        response = _response([_measure(test, cutoff, response[1][0])[0] for test in tests])
     return Calibration(tuple(results), mean, pooled, *response)
 
 
@@ -182,8 +184,13 @@ def low_pass(x: Array, sample_time: float, cutoff: float = CUTOFF) -> Array:
     return np.asarray(signal.sosfiltfilt(sos, x, padlen=min(len(x) - 1, int(2 / (cutoff * sample_time)))))
 
 
-def _measure(test: Record, cutoff: float | None) -> tuple[SineResult, Array, Array]:
-    """The result, and the filtered force and charge over whole periods, their means and trends taken off."""
+def _measure(
+    test: Record, cutoff: float | None, leakage_tau: float | None = None
+) -> tuple[SineResult, Array, Array]:
+    """The result, and the filtered force and charge over whole periods, their means and trends taken off.
+
+    leakage_tau: s, of a charge whose start from rest fades meanwhile; a slower one is a trend.
+    """
     check_channels([test], COLUMNS[1:])
     dt, force, charge = test.sample_time, *(test.channel(name) for name in COLUMNS[1:])
     for name, x in zip(COLUMNS[1:], (force, charge), strict=True):
@@ -214,6 +221,8 @@ def _measure(test: Record, cutoff: float | None) -> tuple[SineResult, Array, Arr
         # With harmonics, which a trend would else take a part of.
         angle = 2 * np.pi * frequency * np.outer(t, np.arange(1, 1 + _HARMONICS))
         columns = np.column_stack([np.ones_like(t), t, np.cos(angle), np.sin(angle)])
+        if leakage_tau is not None and leakage_tau < t[-1]:
+            columns = np.column_stack([columns, np.exp(-t / leakage_tau)])
         c = np.linalg.lstsq(columns, x, rcond=None)[0]
         gains.append(complex(c[2], -c[2 + _HARMONICS]))
         swings.append(x - columns[:, :2] @ c[:2])
