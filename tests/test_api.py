@@ -50,7 +50,9 @@ def test_compare_is_the_command(tmp_path: Path) -> None:
     motion = kanai_tajimi(5, duration=2.0, rise=0.3, plateau=1.0, decay=0.3)
     motion.save(tmp_path / "m.csv")
     names = ["passive-on", "passive-off"]
-    table = mrdamp.compare("frame", names, [mrdamp.read_motion(tmp_path / "m.csv")], engine="chain")
+    table = mrdamp.compare("frame", names, [tmp_path / "m.csv"], engine="chain")
+    same = mrdamp.compare("frame", names, [mrdamp.read_motion(tmp_path / "m.csv")], engine="chain")
+    assert same.values["passive-on"]["J1"] == table.values["passive-on"]["J1"]
     call = ["compare", "frame", "--controllers", *names, "--motions", tmp_path / "m.csv", "--engine", "chain"]
     assert caller(add_compare)(*call, "--jobs", "1", "-o", tmp_path / "out") == 0
     written = json.loads((tmp_path / "out" / "result.json").read_text())["controllers"]
