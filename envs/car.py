@@ -205,9 +205,7 @@ class Car(Structure):
             if speed is None:
                 raise InputError("reset: give the speed (m/s) beside a road file")
             road = read_road(road, float(speed))
-        if speed is not None:
-            road = replace(road, speed=float(speed))
-        return road
+        return road if speed is None else road.at_speed(float(speed))
 
     def forces(self, load: Road) -> Array:
         return load.height[:, None]

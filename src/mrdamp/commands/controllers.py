@@ -172,7 +172,7 @@ def _compare(a: argparse.Namespace) -> str:
         raise InputError("--bound is for one damper; leave it out")
     if a.speed is not None and not (a.motions and bench.option == "road"):
         raise InputError("--speed is for files of roads (--motions); leave it out")
-    loads = bench.read(a.motions, a.speed or SPEED) if a.motions else None
+    loads = bench.read(a.motions, SPEED if a.speed is None else a.speed) if a.motions else None
     for check in (said for load in loads or () if isinstance(load, GroundMotion) for said in doubtful(load)):
         print(f"check: {check}", file=sys.stderr)
     with progress_bar() as progress:
@@ -220,7 +220,8 @@ def _places(text: str) -> tuple[int, int]:
 
 def _about(bench: Bench, result: Comparison, settings: Mapping[str, Setting]) -> str:
     amplitudes = ", ".join(f"{x:g}" for x in result.amplitudes)
-    text = f"{bench.about()}; {', '.join(result.loads)}; amplitudes {amplitudes}."
+    by = "the chain" if bench.engine == "chain" else "MuJoCo"
+    text = f"{bench.about()}; by {by}; {', '.join(result.loads)}; amplitudes {amplitudes}."
     if settings:
         tuned = ", ".join(f"{name} = {s.spec}" for name, s in settings.items())
         text += f" Tuned on {len(bench.tuning_loads())} loads: {tuned}."

@@ -128,7 +128,7 @@ class CarBench(PlantBench):
         return (*drawn, bump(0.08, 1.0, 6.0), bump(0.05, 4.0, 20.0))
 
     def read(self, files: Sequence[Path], speed: float) -> list[Road]:
-        roads = [read_road(file, speed) for file in files]
+        roads = [read_road(file, speed).at_speed(speed) for file in files]
         for file, road in zip(files, roads, strict=True):
             if not np.ptp(road.height) > 0:
                 raise InputError(f"{file}: the road is flat throughout; there is nothing to control")

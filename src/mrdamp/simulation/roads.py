@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -48,6 +49,11 @@ class Road:
         height = height - height[0]
         height.setflags(write=False)
         object.__setattr__(self, "height", height)
+
+    def at_speed(self, speed: float) -> Road:
+        """The same road at another speed, m/s, which its name says."""
+        own = re.sub(r"_\d+_km_h", "", self.name)
+        return replace(self, name=f"{own}_{3.6 * speed:.0f}_km_h", speed=speed)
 
     @property
     def duration(self) -> float:
