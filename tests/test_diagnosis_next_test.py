@@ -8,13 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+import frame_reference
+from frame_case import believed, case_of, records
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ties import could_hide
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
-from mrdamp.diagnosis.problem.designs import SECONDS, Envelope, columns, drawn, neighbour
+from mrdamp.diagnosis.problem.designs import SECONDS, Design, Envelope, columns, drawn, neighbour
+from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.next_test import Bench, Pair, Steps, best, next_test
 from mrdamp.model import Model
@@ -176,3 +179,26 @@ def test_ties_are_what_the_test_is_for() -> None:
     assert made is not None
     assert test["why"].startswith("these records leave cubic and sign tied")
     assert [(s["one"], s["rival"]) for s in test["separates"]] == [("cubic", "sign"), ("cubic", "parameters")]
+
+
+@pytest.mark.slow
+def test_a_frames_test_moves_it_no_more_than_its_records_and_leaves_the_table_at_rest() -> None:
+    """Sines at the first mode, at the strongest acceleration of the records: integrated by SciPy."""
+    case = case_of(believed(), records())
+    rig = FrameRig(case.model, case.records)
+    design = Design((5.4,), (1.0,), (0.3,), False, "constant", 0.0, 0.0, 1.0, 0)
+    asked = design.signal(rig.envelope)
+    signal = rig.admitted(asked, {})
+    dt = rig.envelope.sample_time
+    t = dt * np.arange(len(signal.motion))
+    speed = np.cumsum(signal.motion) * dt
+    assert abs(speed[-1]) < 1e-3 * np.abs(speed).max()
+    assert abs(np.sum(speed)) < 1e-3 * np.abs(np.cumsum(speed)).max()
+
+    def moved(motion: Array) -> Array:
+        run = frame_reference.solve(lambda at: float(np.interp(at, t, motion)), np.zeros(60), 0.1, dt)
+        return np.asarray(np.abs(run["displacement"][:, 0]).max())
+
+    reached = max(float(np.abs(r.channel("floor1_displacement_m")).max()) for r in case.records)
+    assert moved(asked.motion) > 1.5 * reached
+    assert moved(signal.motion) < 1.02 * reached

@@ -78,6 +78,9 @@ class ToyRig:
     def envelope(self) -> Envelope:
         return Envelope("displacement_m", 1.2, 12.0, 0.2, 5.0, 0.0, 1.0, DT)
 
+    def admitted(self, signal: Signal, settings: Settings) -> Signal:
+        return signal
+
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         return self._answer(settings, signal.motion)
 

@@ -93,18 +93,21 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
         return lambda what, share: progress(what, begin + (end - begin) * share)
 
     channels = compared_without_law(case, rig, found)
-    search, floor = _search(rig, noise, base, limits, jobs, part(0.05, 0.45))
+    search = _search(rig, noise, base, limits, jobs, part(0.05, 0.45))
     _, decision = judge(search, rig, channels)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
     unexplained = any(c.unexplained for c in channels)
     outside = any(search.solved(f) for f in search.rivals) or (search.inexact and unexplained)
     if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
         rig = replace(rig, free_structure=True)
-        search, floor = _search(rig, noise, base, limits, jobs, part(0.45, 0.7), search)
-
-    covered, before = (len(small.records),) * 2, None if untouched is None else pooled(base)
+        search = _search(rig, noise, base, limits, jobs, part(0.45, 0.7), search)
+    # The search takes few records, averaged; what is told is of all of them as they were logged.
+    whole = replace(rig, as_logged=True)
+    floor, covered, before = floors(Problem(whole, coarse=True), noise, {}), (len(small.records),) * 2, None
+    if case.baseline:
+        before = pooled(baseline_gap(Problem(replace(whole, raw=case.baseline), coarse=True), whole))
     return FrameSearched(
-        small, rig, search, noise, floor, untouched, channels, notes, again, "", covered, before, case, found, jobs
+        small, whole, search, noise, floor, untouched, channels, notes, again, "", covered, before, case, found, jobs
     )
 
 
@@ -198,8 +201,8 @@ def _search(
     jobs: int,
     progress: Progress,
     before: Search | None = None,
-) -> tuple[Search, Array]:
-    """A completed search, and the gaps (blocks,) due to noise alone.
+) -> Search:
+    """A completed search.
 
     base: (channels,) gap of the nominal simulator on the rig's baseline. before: a search on the same records with
     other nominal parameters, whose fits with fixed parameters are reused.
@@ -215,7 +218,7 @@ def _search(
             if len(found.hypothesis.causes) == 1:
                 search.keep(found)
     search.run(progress)
-    return search, floor
+    return search
 
 
 def stepped(rig: FrameRig, noise: Noise) -> FrameRig:

@@ -317,6 +317,10 @@ class DamperRig(Simulator):
         v = max(float(np.quantile(np.abs(self.velocity(k)), 0.999)) for k in range(len(self.records)))
         return self.limits("displacement_m", self.sizes.stroke, v, _BAND, self.records)
 
+    def admitted(self, signal: Signal, settings: Settings) -> Signal:
+        """The signal: its motion is limited already."""
+        return signal
+
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a proposed test."""
         factor = self._factor(self.sizes.sample_time, _ROUGH)

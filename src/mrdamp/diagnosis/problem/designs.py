@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from mrdamp.model.core import Array
 
@@ -75,6 +76,8 @@ class Design:
             (2 / np.pi) * np.arcsin(waves[0] / self.weight[0]) if self.triangle else np.sum(waves, axis=0)
         )
         motion = motion * np.sin(np.pi / 2 * np.clip(t / _FADE, 0, 1)) ** 2
+        if e.rate is None:
+            motion = brought_to_rest(motion, e.sample_time)
         scale = e.largest / float(np.abs(motion).max())
         if e.rate is not None:
             scale = min(scale, e.rate / float(np.abs(np.gradient(motion, e.sample_time)).max()))
@@ -113,6 +116,17 @@ class Design:
                 "sines": f", command waving between {low:.3g} and {high:.3g} in about {self.hold:.2g} s",
             }[self.command]
         )
+
+
+def brought_to_rest(acceleration: Array, dt: float) -> Array:
+    """An acceleration (n,) that fades out, and after which a table stands still where it began. dt: s."""
+    t = dt * np.arange(len(acceleration))
+    fade = np.sin(np.pi / 2 * np.clip((t[-1] - t) / _FADE, 0, 1)) ** 2
+    slow = np.sin(np.pi * t / t[-1]) ** 2
+    parts = np.array([acceleration * fade, slow, slow * (t / t[-1] - 0.5)])
+    speed = cumulative_trapezoid(parts, dx=dt, initial=0)
+    ends = np.array([speed[:, -1], cumulative_trapezoid(speed, dx=dt)[:, -1]])
+    return np.asarray(parts[0] - np.linalg.solve(ends[:, 1:], ends[:, 0]) @ parts[1:])
 
 
 def drawn(rng: np.random.Generator, e: Envelope) -> Design:

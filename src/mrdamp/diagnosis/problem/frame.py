@@ -38,6 +38,8 @@ _ROUGH, _ROUGHER = 4e-3, 4.0
 _WIDER = 2.0
 #: Hz, range of the sines of a proposed test.
 _BAND = 0.8, 16.0
+#: How often a proposed test is scaled down, and to what share of what the records reach.
+_SCALED, _WITHIN = 6, 0.95
 _STRUCTURE = ("mass", "stiffness", "damping")
 
 
@@ -53,7 +55,7 @@ class FrameRig(Simulator):
     well, since resonance in a free run shows faults below the noise of a storey's balance. free_structure:
     the structural parameters are free together with the nominal ones. placed: only causes with a place are
     sought. coarse_step: s, inner step of the chain in a search; jump_step: the same for records whose command
-    jumps. threads: number of simulations in parallel.
+    jumps. threads: number of simulations in parallel. as_logged: all records are compared without averaging.
     """
 
     raw: tuple[Record, ...]
@@ -66,6 +68,7 @@ class FrameRig(Simulator):
     jump_step: float = COARSE
     full_rate: bool = True
     threads: int = 1
+    as_logged: bool = False
 
     @cached_property
     def records(self) -> tuple[Record, ...]:
@@ -78,7 +81,7 @@ class FrameRig(Simulator):
 
     @cached_property
     def _blocks(self) -> tuple[int, ...]:
-        return tuple(1 if jump and self.full_rate else self.block for jump in self._jumps)
+        return tuple(1 if self.as_logged or (jump and self.full_rate) else self.block for jump in self._jumps)
 
     @cached_property
     def structure(self) -> ShearFrame:
@@ -285,13 +288,28 @@ class FrameRig(Simulator):
         strongest = max(float(np.abs(r.channel(ground)).max()) for r in self.raw)
         return self.limits(ground, strongest, None, _BAND, self.raw)
 
+    def admitted(self, signal: Signal, settings: Settings) -> Signal:
+        """See `mrdamp.diagnosis.problem.rig.Rig`. What the records reach is that of the nominal simulator on them."""
+        floors = range(1, self.structure.storeys + 1)
+        names = ("stroke", "stroke_velocity", *(f"acceleration_{j}" for j in floors))
+        most = {name: max(float(np.abs(run[name]).max()) for run in self._free_runs) for name in names}
+        for _ in range(_SCALED):
+            (run,) = self._tried([settings], signal)
+            over = max(float(np.abs(run[name]).max()) / (most[name] or 1.0) for name in names)
+            if over <= 1:
+                break
+            signal = replace(signal, motion=signal.motion * (_WITHIN / over))
+        return signal
+
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a proposed test."""
+        return np.array([[o[c] for c in self.columns] for o in self._tried(settings, signal)])
+
+    def _tried(self, settings: Sequence[Settings], signal: Signal) -> list[dict[str, Array]]:
         channels = {"ground_acceleration_m_s2": signal.motion, "command": signal.command}
         record = Record("trial", None, self.sizes.sample_time, channels)
         trial = replace(self._rough or self, raw=(record,), block=1)
-        runs = trial._run(settings, 0, coarse=True)
-        return np.array([[o[c] for c in self.columns] for o in runs])
+        return trial._run(settings, 0, coarse=True)
 
     def _run(
         self, settings: Sequence[Settings], record: int, *, coarse: bool, command: Array | None = None

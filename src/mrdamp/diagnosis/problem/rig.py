@@ -95,6 +95,10 @@ class Rig(Protocol):
         """Limits of a test."""
         ...
 
+    def admitted(self, signal: Signal, settings: Settings) -> Signal:
+        """The test, scaled down so far that a simulator with these settings moves no more in it than the records do."""
+        ...
+
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a proposed test."""
         ...

@@ -109,6 +109,10 @@ class Bench:
     law: Steps
     noise: Array
 
+    def signal(self, design: Design) -> Signal:
+        """A test's inputs, within the rig's limits."""
+        return self.rig.admitted(design.signal(self.rig.envelope), self.middle)
+
     def distances(self, signal: Signal, pairs: Sequence[Pair], *, fitted: bool) -> Array:
         """RMS distance of each pair over the noise (pairs,). fitted: the rival is refitted to all records."""
         wanted = [s for p in pairs for s in (p.one, p.rival)]
@@ -164,11 +168,11 @@ def best(
     """
     rng = np.random.default_rng(_SEED)
     designs = [drawn(rng, envelope) for _ in range(effort[0])]
-    plain = [_value(bench.distances(d.signal(envelope), pairs, fitted=False)) for d in designs]
+    plain = [_value(bench.distances(bench.signal(d), pairs, fitted=False)) for d in designs]
     order = np.argsort(-np.array(plain), kind="stable")[: effort[1]]
 
     def proposal(design: Design) -> Proposal:
-        signal = design.signal(envelope)
+        signal = bench.signal(design)
         return Proposal(design, signal, bench.distances(signal, pairs, fitted=True))
 
     found = sorted((proposal(designs[k]) for k in order), key=lambda p: -_value(p.distances))

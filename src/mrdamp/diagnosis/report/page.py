@@ -296,7 +296,7 @@ def _records(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]
     if some < of:
         note = f"All records; {of - some} of them leave the regimes of the baseline, and nothing was fitted to these."
     columns = ("record", *(f"{kind}, %" for kind in kinds), "share of the nominal gap, %")
-    drawn = "Of a damper's force_N." if found.rig == "damper" else "Of the channel that differs most."
+    drawn = "Of a damper's force_N." if found.rig == "damper" else "Of the floor acceleration with the largest gap."
     out.table("Gap by record", columns, rows, f"{drawn} {note}".strip())
 
 
