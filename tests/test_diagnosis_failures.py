@@ -9,10 +9,12 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
-from frame_case import DT
+from frame_case import DT, records
 from mrdamp import cli
 from mrdamp.commands import diagnosis as command
+from mrdamp.diagnosis.case.audit import of_frame
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.fits import table
 from mrdamp.diagnosis.fits.final import AGREEMENT
@@ -26,7 +28,9 @@ from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.checks import check_frame_sign
 from mrdamp.records.csv_file import render
+from refusals import refuses
 
 LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
 NONE = Limits(singles=0, forms=0, depth=1, polished=0)  # no effect is fitted
@@ -172,3 +176,25 @@ def test_what_is_handed_over_is_a_model_that_loads(tmp_path: Path) -> None:
     assert np.isfinite(data.sensordata).all()
     assert "driver_lag_tau" in (tmp_path / "mjcf" / "model.xml").read_text()
     assert Model.read(tmp_path / "mjcf" / "model.json").effects == model.effects
+
+
+def test_frame_records_that_are_not_as_they_should_be_are_told_of() -> None:
+    """SciPy's records of a frame from rest: as they are, cut in motion, with the ground's motion in the displacement,
+    with relative accelerations, and with the force turned round."""
+    sound = records()["steps"]
+    ground = np.asarray(sound.channel("ground_acceleration_m_s2"))
+    shaken = cumulative_trapezoid(cumulative_trapezoid(ground, dx=DT, initial=0), dx=DT, initial=0)
+    floors = [f"floor{j}" for j in (1, 2, 3)]
+    absolute = {f"{f}_displacement_m": sound.channel(f"{f}_displacement_m") + shaken for f in floors}
+    relative = {f"{f}_acceleration_m_s2": sound.channel(f"{f}_acceleration_m_s2") - ground for f in floors}
+    told = [list(of_frame([r])) for r in (sound, sound.part(1.0, 2.4))]
+    assert told[0] == []
+    assert len(told[1]) == 1
+    assert "begins in motion" in told[1][0]
+    for changed in (absolute, relative):
+        found = list(of_frame([sound.with_channels(changed)]))
+        assert [line.split(": ")[1] for line in found] == floors
+        assert all("do not belong together" in line for line in found)
+    check_frame_sign(sound, (0, 1))
+    turned = sound.with_channels({"force_N": -np.asarray(sound.channel("force_N"))})
+    refuses(lambda: check_frame_sign(turned, (0, 1)), "steps: force_N: the damper would drive the rig")

@@ -101,6 +101,7 @@ def add_to(commands: Any) -> None:
 
 def run_case(a: argparse.Namespace) -> int:
     """Reads everything first, then writes the folder."""
+    from mrdamp.diagnosis.case.audit import of_frame
     from mrdamp.diagnosis.case.folder import read_case
     from mrdamp.identify.provenance import IDENTIFIED_ON
     from mrdamp.records import read_record, record_files
@@ -153,7 +154,7 @@ def run_case(a: argparse.Namespace) -> int:
     except BaseException:
         shutil.rmtree(a.out, ignore_errors=True)
         raise
-    for check in warnings_of(list(records.values())):
+    for check in [*warnings_of(list(records.values())), *of_frame(list(records.values()))]:
         print(f"check: {check}")
     print(a.out / "case.json")
     return 0

@@ -68,6 +68,24 @@ def _sign(record: Record) -> str:
     return said and f"{record.label}: force_N: {said}; turn its sign"
 
 
+def stroke_of(record: Record, floors: tuple[int, int]) -> Array | None:
+    """Stroke (n,) m of a frame's damper between two floors, 0 the ground; None where their motion was not measured."""
+    names = [f"floor{j}_displacement_m" for j in floors]
+    if any(j and name not in record.channels for j, name in zip(floors, names, strict=True)):
+        return None
+    low, high = (record.channels[name] if j else np.zeros(record.n) for j, name in zip(floors, names, strict=True))
+    return np.asarray(high - low)
+
+
+def check_frame_sign(record: Record, floors: tuple[int, int]) -> None:
+    """Raises InputError where the damper between two floors would drive its frame."""
+    stroke = stroke_of(record, floors)
+    if stroke is None or "force_N" not in record.channels:
+        return
+    if said := driven(stroke, record.channel("force_N"), record.sample_time):
+        raise InputError(f"{record.label}: force_N: {said}; turn its sign")
+
+
 def check_size(records: Sequence[Record], coordinates: int) -> None:
     """Raises InputError where the records are too short for so many free numbers."""
     total, need = sum(record.n for record in records), SAMPLES_PER_COORDINATE * coordinates

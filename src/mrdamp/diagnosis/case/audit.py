@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +10,9 @@ from scipy.signal import welch
 
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.model.core import Array
+from mrdamp.records import Record
 from mrdamp.records.checks import clipped
+from mrdamp.records.sampling import derivative
 
 #: Shares of samples above which repeated samples and coarse quantisation are reported.
 _HELD, _COARSE = 0.05, 0.02
@@ -19,6 +21,10 @@ _HELD, _COARSE = 0.05, 0.02
 #: 5 and 12 samples have 39 and 36 dB; a low-pass filter at .24 of that frequency falls by 17 and 44 dB. The channels of
 #: three measured rigs, logged as they are, have up to 16, 9 and 11 dB.
 _LONGEST, _ZEROS, _FALL, _EDGE = 40, 20.0, 12.0, 25.0
+#: s, start of a frame's record, and speed of a floor in it, over its standard deviation, from which it moves. Hz, band
+#: in which displacement and acceleration are compared, and how many times as well they belong together without the
+#: ground's motion where one of them is not as it should be. Of 16 frames of other makers none is told of.
+_START, _MOVING, _BAND, _OTHER = 0.05, 0.2, (0.5, 15.0), 10.0
 
 
 def audit(case: Case) -> Iterator[str]:
@@ -41,6 +47,7 @@ def audit(case: Case) -> Iterator[str]:
             step = quantum(values)
             if step > _COARSE * float(np.std(values)):
                 yield f"{record.name}: {name} comes in steps of {step:g}"
+    yield from of_frame(case.records)
     for name, shares in repeated.items():
         low, high = min(shares.values()), max(shares.values())
         of = next(iter(shares)) if len(shares) == 1 else f"{len(shares)} records"
@@ -52,6 +59,47 @@ def audit(case: Case) -> Iterator[str]:
     for repeat, original in case.repeats:
         if original is None:
             yield f"{repeat.name}: no record has the same input; it is left aside"
+
+
+def of_frame(records: Sequence[Record]) -> Iterator[str]:
+    """Of a frame: records that begin in motion, and floors whose displacement and acceleration do not belong together,
+    as the one is relative to the table and the other absolute."""
+    moving, apart = [], dict[str, list[str]]()
+    for r in records:
+        floors = [name.removesuffix("_displacement_m") for name in r.channels if name.endswith("_displacement_m")]
+        if any(_moves(r.channel(f"{floor}_displacement_m"), r.sample_time) for floor in floors):
+            moving.append(r.name)
+        for floor in floors:
+            if f"{floor}_acceleration_m_s2" in r.channels and not _relative(r, floor):
+                apart.setdefault(floor, []).append(r.name)
+    if moving:
+        yield (
+            f"{', '.join(moving)}: begins in motion; a frame is simulated from rest, and the motion that it begins with"
+            " is told as a gap"
+        )
+    for floor, names in apart.items():
+        yield (
+            f"{', '.join(names)}: {floor}: displacement and acceleration do not belong together: give the displacement"
+            " relative to the table, and the absolute acceleration"
+        )
+
+
+def _moves(x: Array, dt: float) -> bool:
+    """True if a displacement (n,) m moves at its start; a line through it, as noise has a derivative of its own."""
+    count = max(round(_START / dt), 4)
+    speed = np.polyfit(dt * np.arange(count), x[:count], 1)[0]
+    return bool(abs(speed) > _MOVING * float(np.std(derivative(x, dt))))
+
+
+def _relative(record: Record, floor: str) -> bool:
+    """False where a floor's acceleration is the second derivative of its displacement without the ground's."""
+    names = f"{floor}_displacement_m", f"{floor}_acceleration_m_s2", "ground_acceleration_m_s2"
+    window = np.hanning(record.n)
+    x, a, ground = (np.fft.rfft(window * (v - np.mean(v))) for v in (record.channel(name) for name in names))
+    w = 2 * np.pi * np.fft.rfftfreq(record.n, record.sample_time)
+    band = (w > 2 * np.pi * _BAND[0]) & (w < 2 * np.pi * _BAND[1])
+    own, without = (float(np.sum(np.abs(-(w**2) * x - of)[band] ** 2)) for of in (a - ground, a))
+    return own < _OTHER * without
 
 
 def repeated_share(values: Array) -> float:

@@ -16,7 +16,7 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record, read_record
 from mrdamp.records.channels import DAMPER_INPUTS, FRAME_INPUTS, is_channel, listed
-from mrdamp.records.checks import check_sign
+from mrdamp.records.checks import check_frame_sign, check_sign
 
 #: Least number of samples of a record.
 LEAST = 100
@@ -79,6 +79,8 @@ def read_case(folder: Path | str) -> Case:
     )
     for record in (*records, *(r for r, _ in repeats), *baseline):
         check_sign(record)
+        if model.structure is not None:
+            check_frame_sign(record, model.structure.damper_between)
     _check_units(path, model, records)
     own = None
     if IDENTIFIED_ON in data:
