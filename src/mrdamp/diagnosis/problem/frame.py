@@ -51,16 +51,18 @@ class FrameRig(Simulator):
     comparison, in measured and simulated channels alike: a frame moves below about 20 Hz, and noise is white.
     full_rate: records whose command jumps are compared without averaging, because a damper then oscillates
     with its floor near 100 Hz. clean: names of the blocks (`attribution.frame_blocks`) without a fault, where
-    no cause is sought. quiet: no block is known to be faulty, so that any fault is small; storeys are then searched as
-    well, since resonance in a free run shows faults below the noise of a storey's balance. free_structure:
-    the structural parameters are free together with the nominal ones. placed: only causes with a place are
-    sought. coarse_step: s, inner step of the chain in a search; jump_step: the same for records whose command
+    no cause is sought. sharp: those of them whose noise is so small that a sensor's fault would show. quiet: no
+    block is known to be faulty, so that any fault is small; storeys are then searched as well, since resonance in
+    a free run shows faults below the noise of a storey's balance. free_structure: the structural parameters are
+    free together with the nominal ones. placed: only causes with a place are sought. coarse_step: s, inner step
+    of the chain in a search; jump_step: the same for records whose command
     jumps. threads: number of simulations in parallel. as_logged: all records are compared without averaging.
     """
 
     raw: tuple[Record, ...]
     block: int = 1
     clean: frozenset[str] = frozenset()
+    sharp: frozenset[str] = frozenset()
     free_structure: bool = False
     placed: bool = False
     quiet: bool = False
@@ -169,7 +171,7 @@ class FrameRig(Simulator):
         """The catalogue without causes that clean blocks rule out.
 
         Of the damper only the force sensor can be ruled out, if the balance of its storeys with its reading
-        closes. A frame's free run shows the damper's other effects better than its own block does.
+        closes within little noise. A frame's free run shows the damper's other effects better than its own block does.
         """
         low, high = sorted(self.structure.damper_between)
         inside = {f"storey {j}" for j in range(low + 1, high + 1)}
@@ -177,9 +179,10 @@ class FrameRig(Simulator):
         for term in without_nominal(self.catalogue, self.nominal_model.effects):
             if term.place is not None:
                 block = f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}"
-                at_fault = block not in self.clean or (self.quiet and term.stage == "structure")
+                known = self.sharp if term.stage == "sensor" else self.clean
+                at_fault = block not in known or (self.quiet and term.stage == "structure")
             else:
-                at_fault = term.stage != "sensor" or term.effect == "channel_shift" or not inside & self.clean
+                at_fault = term.stage != "sensor" or term.effect == "channel_shift" or not inside & self.sharp
             if term.effect == "channel_shift":
                 at_fault = not any(
                     f"accelerometer {j}" in self.clean for j in range(1, self.structure.storeys + 1)
