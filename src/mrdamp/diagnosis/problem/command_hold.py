@@ -17,6 +17,7 @@ from mrdamp.diagnosis.hypotheses.terms import Settings
 from mrdamp.diagnosis.problem.make import make_rig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
+from mrdamp.records.log_filter import held as is_held
 from mrdamp.records.log_filter import rings_before_jumps
 
 #: Delays from which the best one is sought, in samples.
@@ -57,6 +58,8 @@ def with_hold(
         ]
     if clear < -_CLEAR:
         return along, []
+    if all(is_held(u) for u in commands if np.ptp(u) > 0):
+        return held, ["the command jumps between constants: it is taken as held between samples"]
     return along, [
         "the records do not show whether the command is held between samples; it is read along lines, and held a"
         f" delay would be {5e2 * dt:.3g} ms shorter; 'hold' in case.json says which"
