@@ -12,7 +12,7 @@ from matplotlib.patches import FancyBboxPatch
 from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.report.changes import Change, changes, unit_of
 from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Step, Where
-from mrdamp.diagnosis.report.sentence import sentence, table
+from mrdamp.diagnosis.report.sentence import number, sentence, table
 from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model
 from mrdamp.pictures.diagnosis import (
@@ -67,6 +67,12 @@ def test_the_same_at_a_place_of_a_frame() -> None:
 )  # fmt: skip
 def test_units(name: str, unit: str) -> None:
     assert unit_of(name) == unit
+
+
+def test_a_narrow_interval_has_as_many_digits_as_it_takes() -> None:
+    assert number("e", -0.149998, (-0.150004, -0.149993)) == "e = -0.149998 (-0.150004 to -0.149993)"
+    assert number("tau", 0.0120349, (0.0101, 0.0139), "s") == "tau = 0.01203 s (0.0101 to 0.0139)"
+    assert number("g", 1.1, (1.1, 1.1)) == "g = 1.1 (1.1 to 1.1)"
 
 
 def test_the_headline_has_ties_with_their_probabilities() -> None:

@@ -285,3 +285,22 @@ def test_a_right_simulator_is_right_without_a_repeat_too(measured: dict[str, Rec
     found = diagnose(case)
     assert (found.verdict, found.effects) == ("none", ())
     assert not any("does not repeat" in note for note in found.notes)
+
+
+def test_only_sensors_that_there_are_can_be_at_fault(measured: dict[str, Record]) -> None:
+    """Without accelerometer 2 and the force sensor; an accelerometer is ruled out by a balance that is sharp alone."""
+
+    def sensors(left_out: tuple[str, ...] = (), **known: frozenset[str]) -> set[str]:
+        kept = {k: v for k, v in measured["steps"].channels.items() if k not in left_out}
+        rig = FrameRig(believed(), (Record("steps", None, DT, kept),), **known)
+        return {t.cause for t in rig.terms if t.stage == "sensor"}
+
+    faults = ("gain", "offset", "leakage", "lag")
+    every = {f"sensor_{fault}{place}" for fault in faults for place in ("", "@1", "@2", "@3")}
+    assert sensors() >= every
+    few = sensors(("floor2_acceleration_m_s2", "force_N"))
+    assert few & every == {cause for cause in every if cause[-2:] in ("@1", "@3")}
+    blind = frozenset({"accelerometer 3", "storey 1"})
+    assert sensors(clean=blind) >= every
+    known = {f"sensor_{fault}{place}" for fault in faults for place in ("", "@3")}
+    assert every - sensors(clean=blind, sharp=blind) == known

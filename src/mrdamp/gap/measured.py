@@ -27,11 +27,11 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class CaseGap:
-    """verdict, named: of the diagnosis; gap: of the corrected simulator. error: of the nominal simulator in the
-    controller's criteria, mean relative, against the corrected one. Scores (as in `Row`): promised, of the controller
-    tuned on the nominal simulator, there; kept, of the same in the corrected one; retuned, of the one tuned on the
-    corrected one, there; None if it is not tuned. Intervals: 2.5 and 97.5 % over the drawn simulators in place of the
-    corrected one; None without any.
+    """verdict, named: of the diagnosis; gap: of the corrected simulator. motions: unseen ones. error: of the nominal
+    simulator in the controller's criteria, mean relative, against the corrected one. Scores (as in `Row`): promised, of
+    the controller tuned on the nominal simulator, there; kept, of the same in the corrected one; retuned, of the one
+    tuned on the corrected one, there; None if it is not tuned. Intervals: 2.5 and 97.5 % over the drawn simulators in
+    place of the corrected one; None without any.
     """
 
     case: str
@@ -39,6 +39,7 @@ class CaseGap:
     verdict: str
     named: tuple[str, ...]
     gap: float
+    motions: tuple[str, ...]
     error: float
     error_interval: Interval | None
     promised: float
@@ -79,6 +80,7 @@ def of_case(
         found.verdict,
         tuple(e.effect if e.place is None else f"{e.effect}@{e.place}" for e in found.effects),
         found.gap.corrected,
+        tuple(load.name for load in scenario.loads),
         _error(before, after),
         _interval([_error(before, other) for other in others]),
         scenario.score(before),
@@ -106,6 +108,8 @@ def rows(found: CaseGap) -> list[tuple[str, str]]:
     said = [
         ("diagnosis", " + ".join(found.named) or found.verdict),
         ("gap of the corrected simulator", f"{100 * found.gap:.1f} % of the records"),
+        ("motions", f"{', '.join(found.motions)}, at five times their speed"),
+        ("score", "mean of peak drift and peak acceleration over those without a damper; less is better"),
         ("error of the nominal simulator", _said(100 * found.error, found.error_interval, 100, " %")),
         ("score promised by the nominal simulator", f"{found.promised:.3f}"),
         ("score in the corrected one", _said(found.kept, found.kept_interval)),

@@ -187,9 +187,17 @@ class FrameRig(Simulator):
                 at_fault = not any(
                     f"accelerometer {j}" in self.clean for j in range(1, self.structure.storeys + 1)
                 )
-            if at_fault and (term.place is not None or not self.placed):
+            if at_fault and (term.place is not None or not self.placed) and self._reads(term):
                 out.append(term)
         return tuple(out)
+
+    def _reads(self, term: Term) -> bool:
+        """False for a fault of a channel that was not measured."""
+        if term.effect == "channel_shift":
+            return any("displacement" in c for c in self.channels)
+        if term.stage != "sensor":
+            return True
+        return ("force_N" if term.place is None else f"floor{term.place}_acceleration_m_s2") in self.channels
 
     @cached_property
     def rivals(self) -> tuple[Term, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -193,9 +194,13 @@ def _unknown(d: Diagnosis) -> str:
 
 
 def number(name: str, value: float, interval: tuple[float, float] | None, unit: str = "") -> str:
-    """A parameter with its unit and interval."""
-    text = f"{name} = {value:.4g} {unit}".rstrip()
-    return text if interval is None else f"{text} ({interval[0]:.4g} to {interval[1]:.4g})"
+    """A parameter with its unit and interval, in as many digits as tell the ends of a narrow one apart."""
+    if interval is None:
+        return f"{name} = {value:.4g} {unit}".rstrip()
+    wide, size = interval[1] - interval[0], max(map(abs, interval))
+    digits = min(max(4, math.ceil(math.log10(size / wide)) + 1), 8) if wide > 0 else 4
+    said, low, high = (f"{x:.{digits}g}" for x in (value, *interval))
+    return f"{f'{name} = {said} {unit}'.rstrip()} ({low} to {high})"
 
 
 def settings_of(row: Mapping[str, Any]) -> str:
