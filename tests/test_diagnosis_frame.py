@@ -290,9 +290,11 @@ def test_a_right_simulator_is_right_without_a_repeat_too(measured: dict[str, Rec
 def test_only_sensors_that_there_are_can_be_at_fault(measured: dict[str, Record]) -> None:
     """Without accelerometer 2 and the force sensor; an accelerometer is ruled out by a balance that is sharp alone."""
 
-    def sensors(left_out: tuple[str, ...] = (), **known: frozenset[str]) -> set[str]:
+    none = frozenset[str]()
+
+    def sensors(left_out: tuple[str, ...] = (), clean: frozenset[str] = none, sharp: frozenset[str] = none) -> set[str]:
         kept = {k: v for k, v in measured["steps"].channels.items() if k not in left_out}
-        rig = FrameRig(believed(), (Record("steps", None, DT, kept),), **known)
+        rig = FrameRig(believed(), (Record("steps", None, DT, kept),), 1, clean, sharp)
         return {t.cause for t in rig.terms if t.stage == "sensor"}
 
     faults = ("gain", "offset", "leakage", "lag")
