@@ -297,7 +297,12 @@ def make(spec: str, site: AnySite) -> Controller:
         return Policy.read(path)
     o = {**site.options[kind], **options}
     build = site.builders().get(kind) or BUILDERS[kind][0]
-    return _at_least(build(site, o), o.get("weak", 0.0), site)
+    try:
+        made = build(site, o)
+    except InputError as error:  # of what a controller is made of
+        said = str(error)
+        raise InputError(said if said.startswith(kind) else f"controller {kind}: {said}") from None
+    return _at_least(made, o.get("weak", 0.0), site)
 
 
 def _at_least(controller: Controller, weak: float, site: AnySite) -> Controller:
