@@ -199,6 +199,9 @@ def by_regime(
     drawn = np.concatenate([values, ends.ravel(), [value]])
     if drawn.min() > 0 and drawn.max() > 5 * drawn.min():
         ax.set_xscale("log")
+    else:
+        style.ticks(ax, 3)
+        ax.ticklabel_format(axis="x", useOffset=False)
     ax.set_yticks(y, [style.elide(label, 130) for label, *_ in rows])
     ax.set_ylim(len(rows) - 0.4, -0.6)
     ax.grid(axis="y", visible=False)

@@ -13,7 +13,7 @@ from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
 from mrdamp.diagnosis.problem.residuals import squared_gap
 from mrdamp.diagnosis.report.changes import changes, unit_of
 from mrdamp.diagnosis.report.result import Diagnosis, Named
-from mrdamp.diagnosis.report.sentence import settings_of, share
+from mrdamp.diagnosis.report.sentence import settings_of, share, spelled
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.pictures import diagnosis as pictures
@@ -142,7 +142,12 @@ def _answer(out: Page, found: Diagnosis) -> None:
 
 
 def _changes(out: Page, found: Diagnosis, nominal: Model) -> None:
-    rows = [(c.name, c.unit, c.old, c.new, *(c.interval or (None, None))) for c in changes(nominal, found)]
+    rows: list[Sequence[Cell]] = []
+    for c in changes(nominal, found):
+        said: Sequence[Cell] = (c.new, None, None)
+        if c.interval is not None and c.new is not None:
+            said = spelled(c.new, c.interval, 3)
+        rows.append((c.name, c.unit, c.old, *said))
     law, other = nominal.law, found.corrected.law
     note = "What `corrected.json` has in place of the nominal simulator's numbers. A dash: not there."
     note += f" The law is {other} in place of {law}." if other != law else ""
@@ -172,7 +177,7 @@ def _by_regime(out: Page, effect: Named) -> None:
         label, value, (low, high) = r.label(), r.parameters[name], r.intervals[name]
         if r.determined:
             points.append((label, value, (low, high)))
-        said = f"{value:.3g} ({low:.3g} to {high:.3g})" if r.determined else "not determined"
+        said = "{} ({} to {})".format(*spelled(value, (low, high), 3)) if r.determined else "not determined"
         rows.append((label, len(r.records), 100 * r.gap_without, 100 * r.gap_with, said))
     if points:
         out.figure(

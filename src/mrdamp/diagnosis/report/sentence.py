@@ -194,13 +194,18 @@ def _unknown(d: Diagnosis) -> str:
 
 
 def number(name: str, value: float, interval: tuple[float, float] | None, unit: str = "") -> str:
-    """A parameter with its unit and interval, in as many digits as tell the ends of a narrow one apart."""
+    """A parameter with its unit and interval."""
     if interval is None:
         return f"{name} = {value:.4g} {unit}".rstrip()
-    wide, size = interval[1] - interval[0], max(map(abs, interval))
-    digits = min(max(4, math.ceil(math.log10(size / wide)) + 1), 8) if wide > 0 else 4
-    said, low, high = (f"{x:.{digits}g}" for x in (value, *interval))
+    said, low, high = spelled(value, interval)
     return f"{f'{name} = {said} {unit}'.rstrip()} ({low} to {high})"
+
+
+def spelled(value: float, interval: tuple[float, float], least: int = 4) -> list[str]:
+    """A value and the ends of its interval: `least` digits, or as many as tell the ends of a narrow one apart."""
+    wide, size = interval[1] - interval[0], max(map(abs, interval))
+    digits = min(max(least, math.ceil(math.log10(size / wide)) + 1), 8) if wide > 0 else least
+    return [f"{x:.{digits}g}" for x in (value, *interval)]
 
 
 def settings_of(row: Mapping[str, Any]) -> str:
