@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from frame_case import DT, records
+from frame_case import DT, believed, records
 from mrdamp import cli
 from mrdamp.commands import diagnosis as command
 from mrdamp.diagnosis.case.audit import of_frame
@@ -198,3 +198,19 @@ def test_frame_records_that_are_not_as_they_should_be_are_told_of() -> None:
     check_frame_sign(sound, (0, 1))
     turned = sound.with_channels({"force_N": -np.asarray(sound.channel("force_N"))})
     refuses(lambda: check_frame_sign(turned, (0, 1)), "steps: force_N: the damper would drive the rig")
+
+
+def test_channels_that_a_case_leaves_out_are_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    both = records()
+    for name in ("off", "steps"):
+        above = {"floor4_acceleration_m_s2": both[name].channel("floor3_acceleration_m_s2")}
+        kept = {k: v for k, v in both[name].channels.items() if name == "steps" or k != "floor2_displacement_m"}
+        Record(name, None, DT, {**kept, **above}).save(tmp_path / f"{name}.csv")
+    believed().write(tmp_path / "frame.json")
+    call = ["case", "frame.json", "off.csv", "steps.csv", "-o", "made"]
+    assert cli.main([str(tmp_path / word) if "." in word or word == "made" else word for word in call]) == 0
+    said = [line for line in capsys.readouterr().out.splitlines() if line.endswith("left out")]
+    assert said == [
+        "check: floor2_displacement_m: not in all records; left out",
+        "check: floor4_acceleration_m_s2: the model has 3 storeys; left out",
+    ]

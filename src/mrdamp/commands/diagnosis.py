@@ -128,6 +128,12 @@ def run_case(a: argparse.Namespace) -> int:
     shared = [
         c for c in next(iter(records.values())).channels if all(c in r.channels for r in records.values())
     ]
+    some = dict.fromkeys(c for r in records.values() for c in r.channels if c not in shared)
+    checks = [f"{', '.join(some)}: not in all records; left out"] if some else []
+    if model.structure is not None:
+        floors = [f"floor{j}" for j in range(1, model.structure.storeys + 1)]
+        above = [c for c in shared if c.startswith("floor") and c.partition("_")[0] not in floors]
+        checks += [f"{', '.join(above)}: the model has {len(floors)} storeys; left out"] if above else []
     rates = {round(1 / r.sample_time, 6) for r in records.values()}
     body = model.to_dict()["model"]
     data: dict[str, Any] = {"name": a.out.name, "format": 1, "rig": model.rig}
@@ -154,7 +160,7 @@ def run_case(a: argparse.Namespace) -> int:
     except BaseException:
         shutil.rmtree(a.out, ignore_errors=True)
         raise
-    for check in [*warnings_of(list(records.values())), *of_frame(list(records.values()))]:
+    for check in [*checks, *warnings_of(list(records.values())), *of_frame(list(records.values()))]:
         print(f"check: {check}")
     print(a.out / "case.json")
     return 0
