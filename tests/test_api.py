@@ -140,6 +140,19 @@ def test_wrong_kinds_are_told_in_a_line() -> None:
     refuses(lambda: mrdamp.predict(3, "a.csv"), "predict takes a model and a record, or their files")  # type: ignore[arg-type]
 
 
+def test_a_road_file_is_driven_at_a_speed(tmp_path: Path) -> None:
+    """The same waves at twice the speed: twice the frequency, and half the time."""
+    place = 0.1 * np.arange(400)
+    columns = np.column_stack([place, 0.01 * np.sin(0.3 * place)])
+    np.savetxt(tmp_path / "r.csv", columns, delimiter=",", header="position_m,height_m", comments="")
+    slow, fast = (
+        mrdamp.compare("car", ["passive-off"], [tmp_path / "r.csv"], speed=v, engine="chain") for v in (10.0, 20.0)
+    )
+    assert (slow.loads, fast.loads) == (("r_36_km_h",), ("r_72_km_h",))
+    assert slow.values["passive-off"]["comfort"] != fast.values["passive-off"]["comfort"]
+    refuses(lambda: mrdamp.compare("car", ["passive-off"], [tmp_path / "r.csv"], speed=0.0), "speed is 0.0; allowed")
+
+
 def test_a_policy_of_one_damper_on_two_is_told_of() -> None:
     bench = bench_of("frame", engine="chain", dampers=[(0, 1), (1, 2)])
     rows = contenders(bench, ["learned"], {}, shipped_policies("frame"))

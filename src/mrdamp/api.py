@@ -89,6 +89,7 @@ def compare(
     motions: Sequence[Any] | None = None,
     amplitudes: Sequence[float] | None = None,
     *,
+    speed: float = 20.0,
     model: Model | Path | str | None = None,
     dampers: Sequence[tuple[int, int]] = (),
     told: Model | Path | str | None = None,
@@ -105,13 +106,13 @@ def compare(
     """Controllers under motions that they were not tuned on; arguments are named as options of `mrdamp compare`.
 
     environment: frame, cable, car, or file.py:NAME. controllers: None: all. motions: ground motions or roads, or their
-    files; None: the structure's own. amplitudes: factors on them; None: 1 for given motions. model: of the damper, or
-    its file. dampers: pairs of floors of a frame. told: the frame that controllers know. command_unit: A or V. period:
-    s. engine: mujoco or chain. compression: ground motions are played so many times as fast (5 without it). tune: tune
-    anew. bound: add the best commands for motions known in advance, searched for from so many runs. keep: a file that a
-    stopped comparison goes on from.
+    files; None: the structure's own. amplitudes: factors on them; None: 1 for given motions. speed: m/s, on road files.
+    model: of the damper, or its file. dampers: pairs of floors of a frame. told: the frame that controllers know.
+    command_unit: A or V. period: s. engine: mujoco or chain. compression: ground motions are played so many times as
+    fast (5 without it). tune: tune anew. bound: add the best commands for motions known in advance, searched for from
+    so many runs. keep: a file that a stopped comparison goes on from.
     """
-    from mrdamp.compare.benches import SPEED, bench_of, compared
+    from mrdamp.compare.benches import bench_of, compared
     from mrdamp.errors import InputError, require_kind, require_path
     from mrdamp.model import Model
 
@@ -138,7 +139,7 @@ def compare(
     )  # fmt: skip
     loads = None
     if motions is not None:
-        parts = (bench.read([Path(m)], SPEED) if isinstance(m, Path | str) else [m] for m in motions)
+        parts = (bench.read([Path(m)], speed) if isinstance(m, Path | str) else [m] for m in motions)
         loads = [load for part in parts for load in part]
     found = compared(
         bench, controllers, loads, amplitudes, tune=tune, bound=bound, jobs=jobs, progress=progress,

@@ -144,7 +144,7 @@ def run_compare(a: argparse.Namespace) -> int:
 def _compare(a: argparse.Namespace) -> str:
     """What is printed of a comparison."""
     from mrdamp.compare import tables
-    from mrdamp.compare.benches import SPEED, bench_of, compared
+    from mrdamp.compare.benches import bench_of, compared
     from mrdamp.compare.frame import FrameBench
     from mrdamp.compare.page import paths_picture, shares_picture, write_comparison
     from mrdamp.envs.training_loads import doubtful
@@ -172,7 +172,7 @@ def _compare(a: argparse.Namespace) -> str:
         raise InputError("--bound is for one damper; leave it out")
     if a.speed is not None and not (a.motions and bench.option == "road"):
         raise InputError("--speed is for files of roads (--motions); leave it out")
-    loads = bench.read(a.motions, SPEED if a.speed is None else a.speed) if a.motions else None
+    loads = bench.read(a.motions, 20.0 if a.speed is None else a.speed) if a.motions else None
     for check in (said for load in loads or () if isinstance(load, GroundMotion) for said in doubtful(load)):
         print(f"check: {check}", file=sys.stderr)
     with progress_bar() as progress:

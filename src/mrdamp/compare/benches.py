@@ -35,7 +35,6 @@ from mrdamp.parallel import How, run_all
 from mrdamp.structures import dyke1996
 
 _VERSION = 2  # of the search
-SPEED = 20.0  # m/s, on a road that comes from a file
 
 
 @dataclass(frozen=True)
