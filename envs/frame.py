@@ -349,9 +349,9 @@ class FrameEnv(PlantEnv):
     `displacement_j`, `velocity_j` (floor to ground, m and m/s), `drift_j` (m), `stroke_velocity` (m/s), `current`
     (A or V), `true_force` (N, an ideal load cell); those of a second damper end in `_2`. `full_state=True` gives
     all displacements, velocities and currents. `mrdamp compare` gives a policy what a rig measures: accelerations,
-    displacements, stroke, its velocity and force; a policy that sees more is for training alone. Sensors have the effects of the model (`sensor_gain`,
-    `sensor_lag`, ...), and white `noise`. The default observation contains only what sensors can measure, without the
-    ground's motion.
+    displacements, stroke, its velocity and force; a policy that sees more is for training alone. Sensors have the
+    effects of the model (`sensor_gain`, `sensor_lag`, ...), and white `noise`. The default observation contains only
+    what sensors can measure, without the ground's motion.
 
     ## Rewards
 
