@@ -24,6 +24,7 @@ from mrdamp.diagnosis.report.page import page
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record
+from mrdamp.simulation.predict import predict
 
 Floors = tuple[float, float, float]
 
@@ -177,7 +178,16 @@ def test_the_cause_is_named(
     measured: dict[str, Record], change: dict[str, Floors], gain: float, named: list[tuple[str, int]]
 ) -> None:
     found = altered(measured, "floor3_acceleration_m_s2", gain)
-    answer = diagnose(case_of(believed(True, **change), found), limits=replace(LIMITS, singles=3))
+    case = case_of(believed(True, **change), found)
+    answer = diagnose(case, limits=replace(LIMITS, singles=3))
+    # The gap as a user computes it: every channel of every record as logged, without .1 s and the last eight samples.
+    apart, given = [], case.model.with_hold(bool(answer.corrected.hold))
+    for r in case.records:
+        for name, values in predict(given, r).items():
+            if name in r.channels and name != "time_s":
+                whole, keep = np.asarray(r.channel(name)), slice(round(0.1 / DT), -8)
+                apart.append(np.mean((values - whole)[keep] ** 2) / np.mean(whole[keep] ** 2))
+    assert answer.gap.nominal == pytest.approx(np.sqrt(np.mean(apart)), rel=1e-9)
     assert [(e.effect, e.place) for e in answer.effects] == named
     assert answer.verdict == "effect"
     assert sum(answer.where.stages.values()) == pytest.approx(1)
