@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import mujoco
 import numpy as np
 import pytest
@@ -316,3 +317,16 @@ def test_the_command_compares_on_a_road_file(tmp_path: Path, capsys: pytest.Capt
     stroke = {name: row["measures"]["stroke"]["mean"] for name, row in result.items()}
     assert stroke["passive-on"] < stroke["sh-add"] < stroke["passive-off"]
     assert "linear suspension" in (out / "table.md").read_text()
+
+
+def test_a_road_at_another_speed_takes_the_time_and_the_name_of_that_speed() -> None:
+    """20 m/s are 72 km/h; at 10 m/s a road takes twice the time."""
+    road = iso8608("B", 20.0, 10.0, 3)
+    slow = road.at_speed(10.0)
+    assert (slow.speed, slow.duration) == (10.0, pytest.approx(2 * road.duration))
+    np.testing.assert_array_equal(slow.height, road.height)
+    assert (road.name, slow.name) == ("B_72_km_h_3", "B_3_36_km_h")
+    env = gymnasium.make("mrdamp:mrdamp/QuarterCar-v0", engine="chain")
+    _, info = env.reset(seed=1, options={"road": road, "speed": 10.0})
+    assert (info["road"], info["speed"]) == (slow.name, 10.0)
+    assert info["duration"] == pytest.approx(slow.duration, abs=0.01)
