@@ -56,7 +56,7 @@ def test_a_record_from_rest_is_not_led_into(law: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["hyperbolic_tangent", "modified_bouc_wen"])
 def test_mujoco_is_led_into_it_too(law: str) -> None:
-    model, record = Model(law, TRUE[law]), late(law)[1]
+    model, record = Model(law, TRUE[law]), late(law)[0]
     inputs = {name: record.channel(name) for name in ("displacement_m", "command")}
     stepped = drive_rig(model, record.sample_time, inputs)["force_N"]
     whole = model.simulate(record.sample_time, inputs)["force_N"]
