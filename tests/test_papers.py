@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -259,15 +260,16 @@ def test_a_network_needs_the_frequencies_that_it_is_asked_for() -> None:
 def test_the_kept_results_are_what_the_commands_give(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every number of a law and of the sensor; of a network within a quarter, as other machines round otherwise."""
+    """Every number; those of networks with the kernels that they were made with."""
     if "{data}" in RUNS[name] and not (DATA / "nees").is_dir():
         pytest.skip(f"needs the measured sets in {DATA}")
+    if ("narx" in RUNS[name] or "table1" in RUNS[name]) and platform.machine() not in ("x86_64", "AMD64"):
+        pytest.skip("the kept figures of networks were made with kernels of x86-64")
     monkeypatch.setattr(PAGES, "WORK", tmp_path)
     kept = json.loads((PAGES.PAGES / "results.json").read_text(encoding="utf-8"))[name]
-    close = 0.25 if "narx" in RUNS[name] or "table1" in RUNS[name] else 0.005
     found, expected = (list(floats(value)) for value in (PAGES.run(name, DATA), kept))
     assert len(found) == len(expected) > 2
-    assert found == pytest.approx(expected, rel=close, abs=1e-6)
+    assert found == pytest.approx(expected, rel=0.005, abs=1e-6)
 
 
 def floats(value: Any) -> Iterator[float]:
