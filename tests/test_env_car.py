@@ -326,7 +326,7 @@ def test_a_road_at_another_speed_takes_the_time_and_the_name_of_that_speed() -> 
     assert slow.speed == 10.0
     assert slow.duration == pytest.approx(2 * road.duration)
     np.testing.assert_array_equal(slow.height, road.height)
-    assert (road.name, slow.name) == ("B_72_km_h_3", "B_3_36_km_h")
+    assert slow.name == iso8608("B", 10.0, 10.0, 3).name
     env = gymnasium.make("mrdamp:mrdamp/QuarterCar-v0", engine="chain")
     _, info = env.reset(seed=1, options={"road": road, "speed": 10.0})
     assert (info["road"], info["speed"]) == (slow.name, 10.0)

@@ -52,8 +52,9 @@ class Road:
 
     def at_speed(self, speed: float) -> Road:
         """The same road at another speed, m/s, which its name says."""
-        own = re.sub(r"_\d+_km_h", "", self.name)
-        return replace(self, name=f"{own}_{3.6 * speed:.0f}_km_h", speed=speed)
+        said = f"_{3.6 * speed:.0f}_km_h"
+        name, found = re.subn(r"_\d+_km_h", said, self.name)
+        return replace(self, name=name if found else self.name + said, speed=speed)
 
     @property
     def duration(self) -> float:
