@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import lsq_linear
+from scipy.stats import norm, t
 
 from mrdamp.errors import InputError
 from mrdamp.identify import Fit, Problem, simulate
@@ -89,8 +90,16 @@ def intervals(
     else:
         normal = [(jacobian[p].T @ jacobian[p], jacobian[p].T @ residual[p]) for p in parts]
         found = mapped(_stepped, [(normal, row, point) for row in counts], workers)
-    points = np.array(list(found))[:, :n]
+    points = np.clip(point + few_groups(len(parts)) * (np.array(list(found)) - point), 0, 1)[:, :n]
     return _attributes(fit, fit.space, points, _words(fit, fit.space.coordinates, points, jacobian))
+
+
+def few_groups(count: int) -> float:
+    """Factor on the scatter of a bootstrap over `count` groups: their sample variance has count - 1 degrees of freedom.
+
+    Source: Cameron, Gelbach & Miller (2008), doi:10.1162/rest.90.3.414, section II (t of G - 1 degrees, G / (G - 1)).
+    """
+    return float(np.sqrt(count / (count - 1)) * t.ppf(0.975, count - 1) / norm.ppf(0.975))
 
 
 def _whole(fit: Fit, problem: Problem) -> Array:

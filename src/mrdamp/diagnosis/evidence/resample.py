@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mrdamp.diagnosis.fits.least_squares import PRIOR_WEIGHT, Fit
 from mrdamp.diagnosis.hypotheses.terms import Settings
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.identify.intervals import few_groups
 from mrdamp.model.core import Array
 
 Interval = tuple[float, float]
@@ -113,7 +114,7 @@ def spread(problem: Problem, found: Fit) -> Spread:
         if count < least:
             continue
         # The blocks' sum is zero at an optimum, except for the prior and active bounds.
-        centred = (by_group - by_group.mean(axis=0)) * np.sqrt(count / (count - 1))
+        centred = (by_group - by_group.mean(axis=0)) * few_groups(count)
         step = -np.linalg.solve(curvature, (draws(count) @ centred).T).T
         points.append(np.clip(found.point + step, low, high))
     if not points:
