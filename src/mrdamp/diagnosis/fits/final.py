@@ -9,7 +9,7 @@ import numpy as np
 
 from mrdamp.diagnosis.constants import EVIDENCE_GAIN, NUMBER
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
-from mrdamp.diagnosis.fits.regimes import by_record, left_out
+from mrdamp.diagnosis.fits.left_out import folds, predicted
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.residuals import Problem, squared_gap
 from mrdamp.diagnosis.problem.rig import Rig
@@ -42,8 +42,8 @@ class FinalFit:
 
 
 def heldout(problem: Problem, found: Fit) -> Array:
-    """Gaps (blocks,) with each record left out in turn."""
-    return left_out(problem, found, by_record(problem))
+    """Gaps (blocks,) of what a fit predicts of records, or parts of few records, that it was not fitted to."""
+    return problem.gaps(predicted(problem, found, folds(problem)))
 
 
 def final_fit(search: Search, chosen: Fit, *, mend: bool = True, rig: Rig | None = None) -> FinalFit:

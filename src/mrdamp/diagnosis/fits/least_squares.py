@@ -3,7 +3,6 @@ one call."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,11 +32,6 @@ _LONGEST = 8.0
 #: Range of a line scan along a rugged coordinate (logarithm of its setting), and number of scans.
 _AHEAD = np.array([0.02, 0.07, 0.25, 0.9])
 _SCANS = 4
-#: Largest number of halvings of the step to the optimum without some records.
-_HALVINGS = 6
-#: A step to the optimum of the other samples is checked if those that are left out cost more than this many times what
-#: they cost in the fit.
-_MUCH_WORSE = 2.0
 
 
 @dataclass(frozen=True)
@@ -265,61 +259,6 @@ class _Descent:
         """The fit at the present point."""
         converged, cost = self.converged or most == 0, float(self.r @ self.r)
         return Fit(self.hypothesis, self.q, cost, self.r, self.j, self.iterations, converged)
-
-
-def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> Array:
-    """Gaps (blocks,) on records that the parameters were not fitted to.
-
-    groups: numbers of records that are left out together. One Gauss-Newton step gives the optimum without
-    them, and they are simulated there.
-    """
-    gaps = np.full(len(problem.blocks), np.nan)
-    for group in groups:
-        left = np.zeros(problem.samples, dtype=bool)
-        for b in problem.blocks:
-            left[b.span] = b.record in group
-        part = problem.like(records=[k for k in problem.records if k in group])
-        row = _without(problem, found, left, part)
-        for b, value in zip(part.blocks, part.gaps(row), strict=True):
-            at = next(
-                i for i, o in enumerate(problem.blocks) if (o.record, o.channel) == (b.record, b.channel)
-            )
-            gaps[at] = value
-    return gaps
-
-
-def _without(problem: Problem, found: Fit, left: NDArray[np.bool_], part: Problem) -> Array:
-    """Residuals of the samples that are left out, at the optimum of the others.
-
-    left (samples,): those left out. part: the records that contain them.
-    """
-    prior = np.sqrt(PRIOR_WEIGHT) * found.hypothesis.prior()
-    low, high = found.hypothesis.bounds()
-    q, keep = found.point, ~left
-    inside = np.concatenate([left[b.span] for b in problem.blocks if b.record in part.records])
-    # Damping limits steps along directions that hardly matter (exchangeable poles).
-    step = gauss_newton(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-2)
-    row = part.residuals(found.hypothesis, np.clip(q + step, low, high))[0, inside]
-    if keep.any() and np.sum(row**2) > _MUCH_WORSE * np.sum(found.residual[left] ** 2):
-        step = _no_worse(problem, found, step, keep)
-        row = part.residuals(found.hypothesis, np.clip(q + step, low, high))[0, inside]
-    return np.asarray(row)
-
-
-def _no_worse(problem: Problem, found: Fit, step: Array, keep: NDArray[np.bool_]) -> Array:
-    """The step (coordinates,), halved until the kept samples are no worse than before it: a full Gauss-Newton step
-    may leave the range in which the linearisation holds, or in which the simulation is stable."""
-    low, high = found.hypothesis.bounds()
-    kept = problem.like(records=[b.record for b in problem.blocks if b.channel == 0 and keep[b.span].any()])
-    inside = np.concatenate([keep[b.span] for b in problem.blocks if b.record in kept.records])
-    weight = PRIOR_WEIGHT * found.hypothesis.prior() ** 2
-    most = float(np.sum(found.residual[keep] ** 2) + weight @ found.point**2)
-    for _ in range(_HALVINGS + 1):
-        q = np.clip(found.point + step, low, high)
-        if np.sum(kept.residuals(found.hypothesis, q)[0, inside] ** 2) + weight @ q**2 <= most:
-            return step
-        step = step / 2
-    return np.zeros_like(step)
 
 
 def _jacobian(problem: Problem, hypothesis: Hypothesis, q: Array, r: Array, known: Array | None) -> Array:

@@ -1,4 +1,4 @@
-"""Cross-validation by regime: a correction must hold at commands and speeds outside the range of its fit."""
+"""Regimes of the records: groups of similar commands or speeds."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from mrdamp.diagnosis.fits.least_squares import Fit, leave_out
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 
@@ -16,11 +15,6 @@ Groups = tuple[tuple[int, ...], ...]
 #: Records belong to one regime if neighbouring levels (command over its largest, logarithm of the speed)
 #: differ by less than this; largest number of regimes.
 _SAME_COMMAND, _SAME_SPEED, _MOST = 0.1, 0.25, 4
-
-
-def by_record(problem: Problem) -> Groups:
-    """Every record is a group."""
-    return tuple((k,) for k in problem.records)
 
 
 @dataclass(frozen=True)
@@ -37,7 +31,7 @@ class Grouping:
 
 
 def groupings(problem: Problem) -> tuple[Grouping, ...]:
-    """Groupings for cross-validation: by the mean command and by the RMS speed; single records if neither has
+    """Groupings by the mean command and by the RMS speed; single records if neither has
     two regimes."""
     conditions = [problem.rig.conditions(k) for k in problem.records]
     levels = []
@@ -54,7 +48,7 @@ def groupings(problem: Problem) -> tuple[Grouping, ...]:
             numbers = tuple(tuple(problem.records[i] for i in g) for g in groups)
             ends = tuple((float(values[g].min()), float(values[g].max())) for g in groups)
             out.append(Grouping(over, numbers, ends))
-    return tuple(out) or (Grouping("record", by_record(problem)),)
+    return tuple(out) or (Grouping("record", tuple((k,) for k in problem.records)),)
 
 
 def _grouped(level: Array, same: float) -> list[list[int]]:
@@ -69,11 +63,3 @@ def _grouped(level: Array, same: float) -> list[list[int]]:
         i = int(np.argmin(np.diff(means)))
         groups[i : i + 2] = [groups[i] + groups[i + 1]]
     return groups
-
-
-def left_out(problem: Problem, found: Fit, groups: Groups) -> Array:
-    """Gaps (blocks,) with the records of each group left out together."""
-    if not found.hypothesis.coordinates:
-        return problem.gaps(found.residual)
-    return leave_out(problem, found, groups)
-
