@@ -22,7 +22,7 @@ README = Path(__file__).resolve().parents[1] / "plugin_cpp" / "README.md"
 _LAWS = """Coefficients of the [laws](#laws). One with suffixes is
 `p(b) = p_a + p_b b + p_c b^2 + p_e (1 - exp(-p_r b))`: the unit given is that of `a` and `e`; `b` is per command,
 `c` per command squared, `r` 1 per command. `c`, `e`, `r` are optional (0, 0, 1); `r` is from 0."""
-_REST = "For every law. Without a range: any value. `command`: A, or the driver's V."
+_REST = "For every law. A default of 0: none. Without a range: any value. `command`: A, or the driver's V."
 
 
 def number(value: float) -> str:
