@@ -180,7 +180,7 @@ def measure(effort: Effort) -> list[Section]:
         Section(
             "C entry against the rig in MuJoCo",
             f"Samples per second of `mrdamp_run` ({DYKE.id}, one thread, called from Python) over steps per second of "
-            "the shipped rig, driven by a record with motion and command set from Python.",
+            "the shipped rig, its motion and command set from Python.",
             tuple(rows),
         ),
         lanes(effort),

@@ -72,11 +72,10 @@ def measure(effort: Effort, end: float = 3.0) -> list[Section]:
     return [
         Section(
             "Plugin against the law in Python",
-            "The law is a `mjcb_control` callback in Python floats by the explicit midpoint rule, three inner steps at "
-            f"{STEP * 1e3:g} ms and one at 0.1 ms. The plugin steps at {STEP * 1e3:g} ms; its force is within "
-            f"{accuracy.frame_error(STEP, end):.2%} of SciPy's for the whole frame. The engine's velocities are half a "
-            "step older than its positions; a shorter step or an extrapolated velocity corrects this delay. Both stay "
-            "explicit.",
+            "The law as a `mjcb_control` callback in Python floats, explicit midpoint rule, three inner steps at "
+            f"{STEP * 1e3:g} ms and one at 0.1 ms. The plugin steps at {STEP * 1e3:g} ms, with a force error of "
+            f"{accuracy.frame_error(STEP, end):.2%}. The engine's velocities are half a step older than its "
+            "positions; a shorter step or an extrapolated velocity corrects this.",
             tuple(rows),
         )
     ]

@@ -72,9 +72,9 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "Frame with damper over frame without",
-            f"Three storeys on a shake table, with and without the modified Bouc-Wen damper ({DYKE.id}), driver lag "
-            "and force sensor. `shipped` is models_xml/frame3; `bare` has no visual elements and accelerometers. "
-            "`import mujoco` installs a clock for the engine's profiler, whose cost on both sides lowers the ratio.",
+            f"Three storeys with and without damper ({DYKE.id}), driver lag and force sensor. `shipped`: models_xml/frame3; "
+            "`bare`: without visual elements and accelerometers. The clock of the engine's profiler, which `import "
+            "mujoco` installs, costs both sides the same and lowers the ratio.",
             tuple(rows),
         ),
         Section(

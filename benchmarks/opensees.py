@@ -101,7 +101,7 @@ def measure(effort: Effort, python: str = sys.executable, end: float = 3.0) -> l
     """The table; a row that says why where OpenSees is not installed for `python`."""
     text = (
         "BoucWen material with n = 2 and a dashpot in place of the modified law, without driver and sensor; Newmark, "
-        "Newton to 1e-8 m, ProfileSPD, many steps in one call. The material is integrated by a first-order rule."
+        "Newton to 1e-8 m, ProfileSPD, many steps in one call."
     )
     try:
         with OpenSees(python, STEP, 5e-3, effort.steps) as there:

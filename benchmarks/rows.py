@@ -140,7 +140,7 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "Rows on the chain",
-            'Rows stepped by the C entry `mrdamp_rows_step` (`engine="chain"`), over MuJoCo. Control period 5 ms; '
+            'Rows on the chain (`engine="chain"`), over MuJoCo. Control period 5 ms; '
             "default steps on both: 0.5 ms (frame), 0.125 ms (cable). Rows on threads: wall-clock time of the C "
             "entry's part, two idle cores; the others: one thread.",
             (*against_the_engine(effort), *threads(effort), *sizes(effort)),
