@@ -72,9 +72,9 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "Frame with damper over frame without",
-            f"Three storeys with and without damper ({DYKE.id}), driver lag and force sensor. `shipped`: models_xml/frame3; "
-            "`bare`: without visual elements and accelerometers. The clock of the engine's profiler, which `import "
-            "mujoco` installs, costs both sides the same and lowers the ratio.",
+            f"Three storeys with and without damper ({DYKE.id}), driver lag and force sensor. `shipped`: "
+            "models_xml/frame3; `bare`: without visual elements and accelerometers. The clock of the engine's "
+            "profiler, which `import mujoco` installs, costs both sides the same and lowers the ratio.",
             tuple(rows),
         ),
         Section(

@@ -308,8 +308,8 @@ def measure(effort: Effort | None = None) -> list[Section]:
         Section(
             "Networks beside other libraries'",
             "Free-run error over the force's standard deviation, on the embedded record of 5 Hz, 2.5 mm and random"
-            " current: 4000 samples to train on, 2000 to choose on, 1500 never used (first figure), and the self-sensing"
-            " paper's testing sets 1 and 2. 999 % is a run that diverges. Lag space 4, 20 tanh units."
+            " current: 4000 samples to train on, 2000 to choose on, 1500 never used (first figure), and the"
+            " self-sensing paper's testing sets 1 and 2. 999 % is a run that diverges. Lag space 4, 20 tanh units."
             " mujoco.sysid fits the same law with the plugin in its rollouts, in our coordinates and bounds, from our"
             " first start; ours fits from four.",
             tuple(figures),

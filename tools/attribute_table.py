@@ -1,4 +1,4 @@
-"""Writes the tables of plugin_cpp/README.md from the C table: `python tools/attribute_table.py [--check]`.
+"""Writes the tables and lists of plugin_cpp/README.md from the C table: `python tools/attribute_table.py [--check]`.
 
 The laws, the effects and the attributes stand between two marker lines each. With `--check` nothing is written, and
 the exit code is 1 where the file and the C table disagree.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 from mrdamp.model import core
@@ -22,7 +21,7 @@ README = Path(__file__).resolve().parents[1] / "plugin_cpp" / "README.md"
 _LAWS = """Coefficients of the [laws](#laws). One with suffixes is
 `p(b) = p_a + p_b b + p_c b^2 + p_e (1 - exp(-p_r b))`: the unit given is that of `a` and `e`; `b` is per command,
 `c` per command squared, `r` 1 per command. `c`, `e`, `r` are optional (0, 0, 1); `r` is from 0."""
-_REST = "For every law. A default of 0: none. Without a range: any value. `command`: A, or the driver's V."
+_REST = "For every law:"
 
 
 def number(value: float) -> str:
@@ -41,30 +40,33 @@ def span(low: float, high: float) -> str:
     return f"{number(low)} to {number(high)}"
 
 
-def line(names: list[str], row: core.Attribute, meaning: str) -> str:
-    """One row of a table: attributes that differ by their suffix alone share it."""
+def value(row: core.Attribute) -> str:
+    """Unit, before it the default of what is no law's, behind it the range."""
     unit = row.unit.removeprefix("1 ") if row.unit != "1" else ""
     default = "" if row.default is None else number(row.default)
     limits = span(row.minimum, row.maximum)
-    value = [row.unit] if row.group == "law" else [default, unit]
-    words = [*filter(None, value), *([f"({limits})"] if limits else [])]
-    return f"| {' '.join(f'`{name}`' for name in names)} | {' '.join(words)} | {meaning} |"
+    words = [row.unit] if row.group == "law" else [default, unit]
+    return " ".join([*filter(None, words), *([f"({limits})"] if limits else [])])
 
 
-def rows(of_laws: bool) -> Iterator[str]:
-    """Lines of one table, the head first."""
-    yield f"| attribute | {'unit' if of_laws else 'default'} (range) | meaning |"
-    yield "|---|---|---|"
-    known = {row.name: row for row in core.attributes()}
+def coefficients() -> str:
+    """The table of the laws' parameters; those that differ by their suffix alone share a row."""
+    lines = ["| attribute | unit (range) | meaning |", "|---|---|---|"]
+    known = {row.name: row for row in core.attributes() if row.group in ("law", "dependence")}
     stems = {name[:-1] for name in known if {f"{name[:-1]}a", f"{name[:-1]}b"} <= set(known)}
     for name, row in known.items():
-        if (row.group in ("law", "dependence")) != of_laws:
-            continue
-        if name[:-1] not in stems:
-            yield line([name], row, row.meaning)
-        elif name.endswith("a"):
+        family = [name]
+        if name[:-1] in stems:
             family = [name[:-1] + suffix for suffix in "abcer" if name[:-1] + suffix in known]
-            yield line(family, row, row.meaning.replace(" at zero field", ""))
+        if name == family[0]:
+            names = " ".join(f"`{each}`" for each in family)
+            lines.append(f"| {names} | {value(row)} | {row.meaning.replace(' at zero field', '')} |")
+    return "\n".join(lines)
+
+
+def items(group: str) -> list[str]:
+    """Name, default, unit, range and meaning of a group's attributes."""
+    return [f"- `{row.name}`: {value(row)}; {row.meaning}" for row in core.attributes() if row.group == group]
 
 
 def law_table() -> str:
@@ -82,18 +84,21 @@ def short(source: Reference) -> str:
     return f"{names} {source.year}" + (f", doi:{source.doi}" if source.doi else "")
 
 
-def effect_table() -> str:
-    """The effects with their equations, in the order of the chain."""
-    lines = ["| effect | stage | equations |", "|---|---|---|"]
-    return "\n".join([*lines, *(f"| `{e.name}` | {e.stage} | {e.equations} |" for e in effects().values())])
+def effect_list() -> str:
+    """The effects in the order of the chain: stage, equations and attributes."""
+    found = []
+    for e in effects().values():
+        found += [f"**`{e.name}`** ({e.stage}): {e.equations}", "\n".join(items(e.name))]
+    return "\n\n".join(found)
 
 
-def attribute_tables() -> str:
-    """The attributes by what they are for."""
-    return "\n\n".join([_LAWS, "\n".join(rows(True)), _REST, "\n".join(rows(False))])
+def attribute_lists() -> str:
+    """The attributes that are no effect's."""
+    others = "\n".join([*items("command"), *items("numerics")])
+    return "\n\n".join([_LAWS, coefficients(), _REST, others])
 
 
-_TABLES = {"laws": law_table, "effects": effect_table, "attributes": attribute_tables}
+_TABLES = {"laws": law_table, "effects": effect_list, "attributes": attribute_lists}
 
 
 def replaced(text: str) -> str:
