@@ -129,11 +129,10 @@ class Results:
         return f"{float(scale) * self.kept[run]['attributes'][name]:.3g}"
 
     def line(self, run: str, parameter: str, scale: str = "1") -> str:
-        """Of a law by command: slope and constant, and the values at each command."""
+        """Of a law by command: slope and constant, and the values at the commands in order."""
         found = next(line for line in self.kept[run]["lines"] if line["parameter"] == parameter)
         values = ", ".join(f"{float(scale) * v:.3g}" for v in found["values"])
-        at = ", ".join(f"{u:g}" for u in found["commands"])
-        return f"{float(scale) * found['slope']:.4g} v {float(scale) * found['zero']:+.4g}; {values} at {at} V"
+        return f"{float(scale) * found['slope']:.4g} v {float(scale) * found['zero']:+.4g}; {values}"
 
     def sensor(self) -> str:
         """Sensitivity and delta_1."""
@@ -173,7 +172,7 @@ class Results:
         best = min(trials, key=lambda t: float(t["validation"][by]))
         most = best["validation_range"][by][1]
         near = [_name(t, key) for t in trials if t is not best and t["validation_range"][by][0] <= most]
-        return _name(best, key) + (f" (not told apart by the seeds: {', '.join(near)})" if near else "")
+        return _name(best, key) + (f" (tied: {', '.join(near)})" if near else "")
 
     def error(self, run: str, half: str, record: str, *ways: str) -> str:
         """RMS errors of a network (one_step, free_run), or that of a law, on a record."""
