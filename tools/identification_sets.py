@@ -116,8 +116,8 @@ _UTFSM = Page(
     (
         Table(
             "Laws and network",
-            "All laws are above the reference, as the damper was stronger on the day of the sweep (at .5 A 1.16 to 1.21 "
-            "times). The next table is nearest to the reference's tests. S: `quadratic_saturating`.",
+            "All laws are above the reference, as the damper was stronger on the day of the sweep (at .5 A 1.16 to "
+            "1.21 times). The next table is nearest to the reference's tests. S: `quadratic_saturating`.",
             (
                 *_laws((0.24, 0.14, 0.13, 0.12), "--dependence", "quadratic"),
                 *_laws(
@@ -209,8 +209,8 @@ _NEES = Page(
         ),
         Table(
             "With effects, and the network",
-            "At 3 kHz the velocities contain all noise of the displacement; the network and its reference run at 300 Hz "
-            "on low-passed velocities.",
+            "At 3 kHz the velocities contain all noise of the displacement; the network and its reference run at "
+            "300 Hz on low-passed velocities.",
             (
                 *_laws((0.31, 0.21, 0.18, 0.165), "--starts", "2", "--extras", "offset", "gas_spring", "driver_lag",
                        "--dependence", "quadratic", suffix="_effects", note=", effects"),
