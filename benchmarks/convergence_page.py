@@ -46,7 +46,7 @@ def _random() -> list[str]:
         shares = " | ".join(f"{100 * np.mean(e > limit):.2f} %" for limit in (0.01, 0.05))
         rows.append(f"| {name} | {len(e)} | {shares} | {100 * np.median(e):.4f} % | {100 * e.max():.1f} % |")
     return [
-        f"{_COUNT} draws (seed {_SEED}), parameters up to a factor of 20 from a typical value. Records of 1 ms,"
+        f"Parameters up to a factor of 20 from a typical value (seed {_SEED}), records of 1 ms,"
         " commands that jump every 40 ms. Errors: RMS of the force at the default inner step (0.5 ms) less that at"
         " 12.5 us, over the latter's RMS.\n",
         "| | draws | above 1 % | above 5 % | median | largest |\n|---|---:|---:|---:|---:|---:|",
@@ -83,7 +83,7 @@ def _energy() -> list[str]:
     sizes = ", ".join(f"{1e3 * a:g}" for a in AMPLITUDES)
     return [
         f"No steady cycle of 5 Hz returns work, with {len(LAWS)} laws, {len(kept)} effects and amplitudes of"
-        f" {sizes} mm. Smallest net work over the sum of its absolute values: {least}."
+        f" {sizes} mm. Least net over absolute work: {least}."
     ]
 
 
@@ -97,8 +97,8 @@ def _engines() -> list[str]:
             cells = (f"{signals[int(e.argmax())]} {100 * e.max():.2f} %" for e in found.values())
             chosen.append(f"| {s.name} | {engine} | {1e3 * step:g} ms | {' | '.join(cells)} |")
     return [
-        "Largest error of any signal against the chain at a tenth of the default step. The command switches between"
-        " zero and its largest value, at most every fifth control period.\n",
+        "Largest error of any signal against the chain at a tenth of the default step, with a command that switches"
+        " between its limits.\n",
         "| structure | engine | default | twice | default | half |\n|---|---|---:|---|---|---|",
         *chosen,
     ]
@@ -106,9 +106,9 @@ def _engines() -> list[str]:
 
 _TEXT = """# Convergence
 
-Error of the simulator against its equations at the default steps. **With a random law and one or two effects, the
-force is within 1 % in 98.8 % of 1500 draws; the median error is 0.009 %.** Single effects are within 0.1 % of SciPy
-at 1 ms, and every signal of the default environments is within 1.1 % of a step ten times as fine.
+**With a random law and one or two effects, the force at the default steps is within 1 % in 98.8 % of 1500 draws; the
+median error is 0.009 %.** Single effects are within 0.1 % of SciPy at 1 ms, every signal of the default environments
+within 1.1 % of a step ten times as fine.
 
 ```
 python -m benchmarks.convergence_page
@@ -117,10 +117,10 @@ python -m benchmarks.convergence_page
 Less accurate are
 
 - **a nearly undamped mass that rattles** in a clearance or on a stiff mount: the RMS of the force is right within 3 %;
-- **friction with a large breakaway behind a mount**: slip begins up to one step late, or not at all where the force
-  ends just below the breakaway;
+- **friction with a large breakaway behind a mount**: slip begins up to one step late, or not at all just below the
+  breakaway;
 - **forces that jump at a reversal** (`trapped_gas` without `width`): right to one step;
-- **the cable's acceleration at a sticking damper**: it grows with the number of modes. Give the sensor a `bandwidth`;
+- **the cable's acceleration at a sticking damper** grows with the number of modes: give the sensor a `bandwidth`;
 - **a sharp yield in the frame** (Bingham, `v_ref` of 1 mm/s): 2.6 % at 0.5 ms, 1.1 % at 0.25 ms.
 """
 
