@@ -210,8 +210,7 @@ def add_records(p: argparse.ArgumentParser, more: str = "") -> None:
         "--follows",
         nargs="+",
         metavar="NAME",
-        help="the coefficients that follow the command, such as c0 alpha; paper: those of the foam-damper paper"
-        " (default: all that can)",
+        help="coefficients that follow the command, such as c0 alpha; paper: the foam-damper paper's (default: all)",
     )
     p.add_argument("--seed", type=seed, default=0, help="of random numbers (default: %(default)s)")
 
@@ -242,7 +241,7 @@ def add_signals(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--cutoff-force", action="store_true", help="the same low-pass for the force")
     p.add_argument("--zero-mean", action="store_true",
-                   help="subtract the means of displacement and force; for records of whole cycles")
+                   help="subtract the means; for records of whole cycles")
 
 
 def as_recorded(a: argparse.Namespace) -> RecordSet:

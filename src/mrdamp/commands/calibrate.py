@@ -40,8 +40,8 @@ def add_to(commands: Any) -> None:
     p.add_argument(
         "--records",
         type=Path,
-        help="damper records; those with charge_pC get their force_N from it, and with reference_force_N its error"
-        " (default: the set self_sensing, for the embedded tests)",
+        help="damper records, whose force_N is made of charge_pC and compared with reference_force_N (default:"
+        " self_sensing, for the embedded tests)",
     )
     p.add_argument(
         "--cutoff",
@@ -51,7 +51,7 @@ def add_to(commands: Any) -> None:
     p.add_argument("--picture", type=Picture, help="sensitivities by frequency (.svg, .png or .pdf)")
     p.add_argument("--put-back", action="store_true", help="correct the records' force for the leaked charge")
     p.add_argument(
-        "-o", "--out", type=OutFolder, help="folder to write: index.html, and records/ with the force from the charge"
+        "-o", "--out", type=OutFolder, help="folder to write: index.html, and the records"
     )
     add_json(p)
 
