@@ -103,7 +103,7 @@ class Tables:
             for part in PARTS
             for p in PERCENT
         }
-        found = self.run({"nominal": self.bench, **benches}, unseen_motions(), self.bench.unseen_amplitudes)
+        found = self.run(benches, unseen_motions(), self.bench.unseen_amplitudes)
         rows = [
             (_name(c.name, len(c.specs)), *(_spread(r.gain(c.name)) for r in found.values()))
             for c in self.rows
@@ -181,7 +181,9 @@ def _short(value: float, form: str = ".3f") -> str:
 
 
 def _spread(s: Summary) -> str:
-    """As the page writes differences: -.030 (-.045 to -.016)."""
+    """As the page writes differences: -.030 (-.045 to -.016), 0 of a controller to itself."""
+    if not s.mean and s.low == s.high:
+        return "0"
     mean, low, high = (_short(value, "+.3f") for value in (s.mean, s.low, s.high))
     return f"{mean} ({low} to {high})"
 
