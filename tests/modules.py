@@ -1,14 +1,17 @@
-"""A file that is no module of a package, such as a tool, loaded as one."""
+"""A file that is no module of a package, such as a tool, loaded as one; and what code loads."""
 
 from __future__ import annotations
 
 import importlib.util
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDIES, TOOLS = ROOT / "studies", ROOT / "tools"
+#: Modules of mrdamp that what is evidence against it may use.
+WITHOUT_PHYSICS = ("errors", "files", "interrupts", "library", "registration")
 
 
 def loaded(path: Path) -> ModuleType:
@@ -20,3 +23,10 @@ def loaded(path: Path) -> ModuleType:
     sys.modules[path.stem] = module  # a dataclass looks its module up
     spec.loader.exec_module(module)
     return module
+
+
+def package_modules(code: str) -> list[str]:
+    """Modules of mrdamp, without its name, that an interpreter has loaded after some code."""
+    listed = f"import sys; {code}; print(*(m for m in sys.modules if m.startswith('mrdamp.')))"
+    run = subprocess.run([sys.executable, "-c", listed], cwd=ROOT, capture_output=True, text=True, check=True)
+    return [name.removeprefix("mrdamp.") for name in run.stdout.split()]

@@ -210,25 +210,21 @@ def test_the_scripts_run_whole(path: Path, tmp_path: Path, monkeypatch: pytest.M
     runpy.run_path(str(path), run_name="__main__")
 
 
-NOTEBOOK = Path(__file__).parents[1] / "examples" / "whole_way.ipynb"
-
-
-def read() -> NotebookNode:
-    text = NOTEBOOK.read_text(encoding="utf-8")
-    notebook: NotebookNode = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
-    return notebook
+def notebook() -> NotebookNode:
+    text = (FOLDER / "whole_way.ipynb").read_text(encoding="utf-8")
+    found: NotebookNode = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
+    return found
 
 
 def test_outputs_are_stripped() -> None:
-    notebook = read()
-    assert all(not c.outputs and c.execution_count is None for c in notebook.cells if c.cell_type == "code")
+    assert all(not c.outputs and c.execution_count is None for c in notebook().cells if c.cell_type == "code")
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of the kernel's own libraries
 def test_it_runs() -> None:
     nbclient = pytest.importorskip("nbclient")
-    notebook = read()
-    nbclient.NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(NOTEBOOK.parent)}}).execute()
-    printed = [o.text for c in notebook.cells if c.cell_type == "code" for o in c.outputs if "text" in o]
+    run = notebook()
+    nbclient.NotebookClient(run, timeout=600, resources={"metadata": {"path": str(FOLDER)}}).execute()
+    printed = [o.text for c in run.cells if c.cell_type == "code" for o in c.outputs if "text" in o]
     assert any("driver" in text for text in printed)

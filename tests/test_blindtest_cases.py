@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from modules import ROOT, STUDIES
+from modules import STUDIES, WITHOUT_PHYSICS, package_modules
 from mrdamp.model import Model, core, damper_effects
 from mrdamp.records import read_record
 from studies.blindtest import (
@@ -29,7 +27,6 @@ from studies.blindtest.make import make_one
 from studies.blindtest.rig import Array
 from studies.blindtest.sizing import OWN, Task, relative
 
-SHARED = ROOT.parent / "shared" / "cases" / "score.py"
 Made = tuple[Path, Path, dict[str, Any]]
 
 
@@ -54,7 +51,6 @@ def test_damper_case_without_a_gap(tmp_path: Path) -> None:
     case, tests, label = made(tmp_path, "damper", "none", 3)
     model, told = Model.read(case), json.loads((case / "case.json").read_text())
     assert label["gap"] == pytest.approx(0.0, abs=1e-6)
-    assert told["records"] == sorted(path.name for path in case.glob("*.csv.gz"))
     for channels in each_test(tests):  # the plugin agrees with the rig
         assert relative(model.simulate(0.002, channels)["force_N"], channels["nominal_N"]) < 0.01
         assert relative(channels["nominal_N"], channels["force_N"]) < 1e-6
@@ -62,7 +58,6 @@ def test_damper_case_without_a_gap(tmp_path: Path) -> None:
         read_record(case / next(name for name in reversed(told["records"]) if kind in name))
         for kind in ("sine_random", "repeat")
     )
-    assert list(first.channels) == told["channels"]
     assert again.command == pytest.approx(first.command)
     difference = again.channel("force_N") - first.channel("force_N")
     size = float(np.sqrt(np.mean(first.channel("force_N") ** 2)))
@@ -148,50 +143,12 @@ def test_effect_is_in_the_records_and_not_in_the_baseline(gained: Made) -> None:
         assert gain == pytest.approx(0.0 if name in told["baseline"] else wanted, rel=0.2, abs=0.01)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not SHARED.is_file(), reason=f"{SHARED} is not there")
-def test_shared_scorer_takes_the_layout(gained: Made, control: Made, tmp_path: Path) -> None:
-    """Labels, cases and tests; a command that hands the nominal simulator back is right on the control alone."""
-    fake = tmp_path / "fake.py"
-    fake.write_text(
-        "import json, pathlib, subprocess, sys\n"
-        "if sys.argv[1] == 'diagnose':\n"
-        "    out = pathlib.Path(sys.argv[4])\n"
-        "    (out / 'corrected.json').write_text((pathlib.Path(sys.argv[2]) / 'case.json').read_text())\n"
-        "    (out / 'diagnosis.json').write_text(json.dumps({'verdict': 'unknown', 'effects': []}))\n"
-        "else:\n"
-        "    sys.exit(subprocess.call([sys.executable, '-m', 'mrdamp.cli', *sys.argv[1:]]))\n"
-    )
-    for part in ("tests", "cases"):
-        (tmp_path / part).mkdir()
-    for name, (case, tests, _) in {"gain": gained, "own": control}.items():
-        (tmp_path / "cases" / name).symlink_to(case)
-        (tmp_path / "tests" / f"{name}.npz").symlink_to(tests)
-    (tmp_path / "labels.json").write_text(json.dumps({"gain": gained[2], "own": control[2]}))
-    folders = [str(tmp_path / part) for part in ("cases", "labels.json", "tests", "out")]
-    said = subprocess.run(
-        [sys.executable, str(SHARED), *folders, "--command", f"{sys.executable} {fake}"],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
-    lines = {line.split()[1]: line for line in said.splitlines() if line[:2] in ("ok", "NO")}
-    assert (lines["own"][:2], lines["gain"][:2]) == ("ok", "NO")
-    worst = max(gained[2]["gap"] / gained[2]["base"], 1.0)
-    assert f"worst {worst:.2f}; worse than nominal 0/2" in said
-
-
-# --- what there is to draw ----------------------------------------------------------------------
-def test_every_effect_of_the_catalogue_is_there() -> None:
-    assert set(causes.EFFECTS) <= set(damper_effects())
-    structure = {"storey_stiffness", "storey_damping", "joint_friction", "floor_mass"}
-    assert structure < set(frame_causes.PLACED)
-    assert all(len(forms) >= 2 for _, forms in causes.EFFECTS.values())
-    assert not {f"~{name}" for name in unknown.DAMPER} & set(causes.EFFECTS)
+# --- what there is to draw ------------------------------------------------------------------------------
 
 
 def test_sampling_of_cases() -> None:
     """A quarter frames; every effect of the catalogue; pairs of different stages; both groups of unknown causes."""
+    assert set(causes.EFFECTS) <= set(damper_effects())
     tasks = case_sampling.draw(np.random.SeedSequence(4), 200)
     assert len({task.name for task in tasks}) == len(tasks) == 200
     assert Counter(task.rig for task in tasks) == {"damper": 150, "frame": 50}
@@ -216,13 +173,8 @@ def test_sampling_of_cases() -> None:
 def test_rig_shares_no_code_with_the_plugin() -> None:
     names = sorted(path.stem for path in (STUDIES / "blindtest").glob("*_forms.py"))
     names += "rig bench causes unknown frame_causes damper_case frame_case dampers case_sampling recorder make".split()
-    imports = "; ".join(f"import studies.blindtest.{name}" for name in names)
-    code = f"import sys; {imports}; print(*(m for m in sys.modules if m.startswith('mrdamp.')))"
-    loaded = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout
-    allowed = ("sets", "errors", "files", "interrupts", "library", "registration")
-    assert [m for m in loaded.split() if not m.startswith(tuple(f"mrdamp.{name}" for name in allowed))] == []
+    used = package_modules("; ".join(f"import studies.blindtest.{name}" for name in names))
+    assert [name for name in used if not name.startswith(("sets", *WITHOUT_PHYSICS))] == []
     source = (STUDIES / "blindtest" / "rig.c").read_text()
     included = {line for line in source.splitlines() if line.startswith("#include")}
     assert included == {"#include <math.h>", "#include <string.h>"}

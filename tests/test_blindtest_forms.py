@@ -11,10 +11,8 @@ from scipy.special import jn_zeros
 from rig_paths import DASHPOT, PLAIN, YIELD, at, clock, held, on_the_way
 from studies.blindtest import bench, causes, dampers, frame_causes, rig, unknown
 from studies.blindtest.bench import Truth
-from studies.blindtest.excitation import GRID_HZ, Excitation
 from studies.blindtest.rig import RATE_HZ, Array
 from studies.blindtest.scale import Form, Scale
-from studies.blindtest.sizing import relative
 
 Numbers = Mapping[str, float]
 
@@ -118,15 +116,6 @@ DEVICE = dampers.draw(np.random.default_rng(1), mounted=True)
 SCALE = Scale(500.0, 40.0, 0.005, 1.0, DEVICE.machine.command, DEVICE.piston(500.0))
 FORMS = {f"{name} {k}": form for name, (_, forms) in causes.EFFECTS.items() for k, form in enumerate(forms)}
 FORMS |= {name: form for name, (_, form) in unknown.DAMPER.items()}
-_TIME = 4 * GRID_HZ
-SHAKEN = Excitation(
-    "random",
-    np.interp(
-        np.arange(_TIME + 1), np.arange(0, _TIME + 1, 100), 0.006 * np.random.default_rng(2).normal(size=81)
-    ),
-    np.where(np.arange(_TIME + 1) % 1700 < 1200, DEVICE.machine.command, 0.0),
-    seed=1,
-)
 
 
 def run_at(rate: int, numbers: Numbers, monkeypatch: pytest.MonkeyPatch) -> tuple[Array, Array]:
@@ -150,25 +139,6 @@ def test_half_the_step_changes_nothing(name: str, monkeypatch: pytest.MonkeyPatc
     assert np.sqrt(np.mean((force - fine) ** 2) / np.mean(fine**2)) < 2e-3
     last = slice(len(x) // 2, None)
     assert np.trapezoid(force[last], x[last]) > 0
-
-
-def measured(truth: Truth) -> Array:
-    read = bench.damper_channels(truth, SHAKEN, np.random.default_rng(5))
-    return np.concatenate([read["force_N"] / SCALE.force, read["displacement_m"] / SCALE.stroke])
-
-
-@pytest.fixture(scope="module")
-def plain() -> Array:
-    return measured(Truth(DEVICE.numbers))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FORMS)
-def test_every_cause_changes_what_is_measured_the_more_the_larger(name: str, plain: Array) -> None:
-    sized = FORMS[name](np.random.default_rng(3), SCALE)
-    small, large = (relative(measured(Truth(DEVICE.numbers).having(sized(s))), plain) for s in (0.1, 1.0))
-    assert small < large
-    assert large > 0.01
 
 
 @pytest.mark.parametrize("name", [n for n in frame_causes.UNKNOWN if n not in unknown.DAMPER])

@@ -271,22 +271,6 @@ def test_every_command_has_an_example() -> None:
         assert (command.epilog or "").startswith(f"example: mrdamp {name}"), name
 
 
-@pytest.mark.slow
-def test_no_color_is_respected() -> None:
-    code = (
-        "from mrdamp.commands import progress_bar\n"
-        "with progress_bar() as tell:\n    tell('working', 0.5)\n    tell('working', 1.0)\n"
-    )
-    colour = re.compile(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|[34]8;)[0-9;]*m")
-    for no_color, coloured in (("1", False), ("", True)):
-        environment = {**os.environ, "FORCE_COLOR": "1", "TERM": "xterm-256color", "NO_COLOR": no_color}
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True
-        )
-        assert "working" in done.stderr
-        assert bool(colour.search(done.stderr)) is coloured
-
-
 def test_progress_without_a_terminal_is_a_line_a_step_and_a_tenth(capsys: pytest.CaptureFixture[str]) -> None:
     with progress_bar() as tell:
         for share in (0.0, 0.04, 0.11, 0.2, 0.22):
