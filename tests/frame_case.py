@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
+from collections.abc import Callable, Mapping
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +46,7 @@ def ground(t: Array, seed: int) -> Array:
     return np.asarray(out * np.sin(np.pi * np.clip(t / SECONDS, 0, 1)) ** 0.5)
 
 
+@cache
 def records(seed: int = 1) -> dict[str, Record]:
     """off, steps and repeat (the steps again, new noise), by name."""
     # Sampled half a step after the command may jump: a line between two samples then has its middle where the jump is.
@@ -86,6 +87,19 @@ def case_of(model: Model, found: dict[str, Record]) -> Case:
     return Case("frame", Path(), model, (found["off"], found["steps"]), ((found["repeat"], 1),))
 
 
-def altered(found: dict[str, Record], channel: str, factor: float) -> dict[str, Record]:
-    """The records with a channel times a factor."""
-    return {k: r.with_channels({channel: factor * np.asarray(r.channel(channel))}) for k, r in found.items()}
+def altered(found: dict[str, Record], change: Callable[[Array], Array], *channels: str) -> dict[str, Record]:
+    """The records with some channels changed."""
+    return {
+        name: r.with_channels({c: change(np.asarray(r.channel(c))) for c in channels}) for name, r in found.items()
+    }
+
+
+def without(found: dict[str, Record], *channels: str) -> dict[str, Record]:
+    """The records without some channels."""
+    kept = {name: {c: v for c, v in r.channels.items() if c not in channels} for name, r in found.items()}
+    return {name: Record(r.name, None, DT, kept[name]) for name, r in found.items()}
+
+
+def late(samples: int) -> Callable[[Array], Array]:
+    """What is read so many samples later."""
+    return lambda x: np.concatenate([np.full(samples, x[0]), x[:-samples]])

@@ -1,9 +1,12 @@
-"""Small record files for tests, and the line a bad one is refused with."""
+"""Small record files for tests, the line a bad one is refused with, and the tests kept beside a case."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from mrdamp.model.core import Array
 from mrdamp.records import read_record
 from refusals import refusal_of
 
@@ -21,6 +24,15 @@ def write(folder: Path, lines: list[str], name: str = "a.csv") -> Path:
     path = folder / name
     path.write_text("\n".join(lines) + "\n")
     return path
+
+
+def channels_by_test(file: Path) -> dict[str, dict[str, Array]]:
+    """Tests that are kept beside a case, in an npz file of arrays named test/channel."""
+    arrays, tests = np.load(file), dict[str, dict[str, Array]]()
+    for key in arrays.files:
+        test, channel = key.split("/")
+        tests.setdefault(test, {})[channel] = np.asarray(arrays[key], dtype=float)
+    return tests
 
 
 def message(path: Path, required: tuple[str, ...] | None = None) -> str:

@@ -1,30 +1,39 @@
-"""Cases of the blind test: their files, what they are made of, and that the diagnosis knows nothing of them."""
+"""The blind test: cases, which the diagnosis knows nothing of, and what the effects of its rig do by closed forms."""
 
 from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import jn_zeros
 
 from modules import STUDIES, WITHOUT_PHYSICS, package_modules
 from mrdamp.model import Model, core, damper_effects
 from mrdamp.records import read_record
+from record_tables import channels_by_test
+from rig_paths import DASHPOT, PLAIN, YIELD, at, clock, held, on_the_way
 from studies.blindtest import (
+    bench,
     case_sampling,
     causes,
     commissioning,
+    dampers,
     frame_causes,
     misfit_case,
+    rig,
     run,
     score,
     unknown,
 )
+from studies.blindtest.bench import Truth
 from studies.blindtest.make import make_one
-from studies.blindtest.rig import Array
+from studies.blindtest.rig import RATE_HZ, Array
+from studies.blindtest.scale import Form, Scale
 from studies.blindtest.sizing import OWN, Task, relative
 
 Made = tuple[Path, Path, dict[str, Any]]
@@ -37,21 +46,13 @@ def made(folder: Path, rig: str, label: str, seed: int, *, misfit: bool = False)
     return folder / "cases" / "case_001", folder / "tests" / "case_001.npz", told
 
 
-def each_test(path: Path) -> list[dict[str, Array]]:
-    arrays, tests = np.load(path), dict[str, dict[str, Array]]()
-    for key in arrays.files:
-        test, channel = key.split("/")
-        tests.setdefault(test, {})[channel] = arrays[key].astype(float)
-    return list(tests.values())
-
-
 # --- one case of the simulator's law -------------------------------------------------------------------
 @pytest.mark.slow
 def test_damper_case_without_a_gap(tmp_path: Path) -> None:
     case, tests, label = made(tmp_path, "damper", "none", 3)
     model, told = Model.read(case), json.loads((case / "case.json").read_text())
     assert label["gap"] == pytest.approx(0.0, abs=1e-6)
-    for channels in each_test(tests):  # the plugin agrees with the rig
+    for channels in channels_by_test(tests).values():  # the plugin agrees with the rig
         assert relative(model.simulate(0.002, channels)["force_N"], channels["nominal_N"]) < 0.01
         assert relative(channels["nominal_N"], channels["force_N"]) < 1e-6
     first, again = (
@@ -70,7 +71,7 @@ def test_frame_case(tmp_path: Path) -> None:
     model = Model.read(case)
     assert label["stages"] == ["structure"]
     assert 0.02 < label["gap"] < 0.8
-    for channels in each_test(tests):
+    for channels in channels_by_test(tests).values():
         inputs = {name: channels[name] for name in ("ground_acceleration_m_s2", "command")}
         simulated = model.simulate(0.002, inputs)
         for floor in (1, 2, 3):
@@ -88,7 +89,7 @@ def test_wrong_numbers_are_wrong_and_the_form_is_right(tmp_path: Path) -> None:
     nominal, true = Model.read(case), label["true_parameters"]
     wrong = [name for name, value in true.items() if nominal.parameters[name] != value]
     assert 3 <= len(wrong) < len(true)
-    for channels in each_test(tests):
+    for channels in channels_by_test(tests).values():
         for parameters, low, high in ((nominal.parameters, 0.02, 1.0), (true, 0.0, 0.01)):
             # The rig begins every motion at rest: no run-in.
             x, u = channels["displacement_m"], channels["command"]
@@ -119,7 +120,7 @@ def framed(tmp_path_factory: pytest.TempPathFactory) -> Made:
 def test_simulator_leaves_three_to_fifteen_percent(name: str, request: pytest.FixtureRequest) -> None:
     """Without the cause; what the label calls its base is the same in the shared scorer's terms."""
     case, tests, label = request.getfixturevalue(name)
-    counted = len(each_test(tests)) * (3 if label["rig"] == "frame" else 1)
+    counted = len(channels_by_test(tests)) * (3 if label["rig"] == "frame" else 1)
     assert commissioning.MISFIT[0] <= label["misfit"] <= commissioning.MISFIT[1]
     assert label["base"] == pytest.approx(label["misfit"] * np.sqrt(counted), rel=1e-9)
     model = Model.read(case)
@@ -160,8 +161,8 @@ def test_sampling_of_cases() -> None:
         causes.EFFECTS[a][0] != causes.EFFECTS[b][0] for a, b in pairs if {a, b} <= causes.EFFECTS.keys()
     )
     assert {task.label for task in tasks if not task.parts} == {"none", "parameters"}
-    for rig, groups in (("damper", unknown.GROUPS), ("frame", frame_causes.GROUPS)):
-        drawn = [task.label.removeprefix("~") for task in tasks if task.outside and task.rig == rig]
+    for kind, groups in (("damper", unknown.GROUPS), ("frame", frame_causes.GROUPS)):
+        drawn = [task.label.removeprefix("~") for task in tasks if task.outside and task.rig == kind]
         first, second = (sum(name in group for name in drawn) for group in groups)
         assert first + second == len(drawn)
         assert abs(first - second) <= 1
@@ -178,3 +179,144 @@ def test_rig_shares_no_code_with_the_plugin() -> None:
     source = (STUDIES / "blindtest" / "rig.c").read_text()
     included = {line for line in source.splitlines() if line.startswith("#include")}
     assert included == {"#include <math.h>", "#include <string.h>"}
+
+
+Numbers = Mapping[str, float]
+
+
+# --- driver and magnetics ----------------------------------------------------------------------
+def two_poles(s: Array, tau: float, tau2: float) -> Array:
+    return (tau * np.exp(-s / tau) - tau2 * np.exp(-s / tau2)) / (tau - tau2)
+
+
+def by_diffusion(s: Array) -> Array:
+    """By the first four zeros of J0 behind the coil's own pole."""
+    shares = jn_zeros(0, 4) ** -2 / np.sum(jn_zeros(0, 4) ** -2)
+    taus = 0.05 * (jn_zeros(0, 4)[0] / jn_zeros(0, 4)) ** 2
+    left = [share * two_poles(s, tau, 0.008) for share, tau in zip(shares, taus, strict=True)]
+    return np.asarray(1 - np.sum(left, axis=0))
+
+
+def controlled(s: Array) -> Array:
+    """i'' tau + i' (1 + K) + i K / T = K / T: w0^2 = K / (T tau) = 1250, 2 z w0 = 2 / tau."""
+    w, d = np.sqrt(1250 - 25**2), 25.0
+    return np.asarray(1 - np.exp(-d * s) * (np.cos(w * s) + (d - 25.0) / w * np.sin(w * s)))
+
+
+@pytest.mark.parametrize(
+    ("numbers", "expected"),
+    [
+        ({"lag_form": 1.0, "lag_tau": 0.02, "lag_tau2": 0.005}, lambda s: 1 - two_poles(s, 0.02, 0.005)),
+        ({"lag_form": 2.0, "lag_tau": 1e-5, "lag_rate": 50.0}, lambda s: np.minimum(50 * s, 1)),
+        ({"lag_form": 3.0, "lag_tau": 0.01, "lag_tau2": 0.03}, lambda s: 1 - np.exp(-s / 0.01)),
+        ({"lag_form": 4.0, "lag_tau": 0.04, "lag_tau2": 0.02, "lag_gain": 1.0, "lag_span": 50.0}, controlled),
+        ({"lag_form": 5.0, "lag_tau": 0.05, "lag_tau2": 0.008}, by_diffusion),
+    ],
+)
+def test_current_after_a_step(numbers: Numbers, expected: Callable[[Array], Array]) -> None:
+    t = clock(0.5)
+    current = held({**DASHPOT, **numbers}, t, np.where(t > 0, 1.0, 0.0))["current"]
+    assert np.abs(current - expected(t[::2])).max() < 4e-3
+
+
+def test_command_is_delayed_and_packets_are_under_way_for_a_time_of_their_own() -> None:
+    t = clock(20.0)
+    network = {"command.delay": 0.05, "command.jitter": 0.3, "command.beat": 0.02}
+    late = t - bench.driven(Truth({}, network), t, np.random.default_rng(0))
+    later = late[len(t) // 10 :]
+    assert later.mean() == pytest.approx(0.05, rel=0.1)
+    assert 0.034 < later.min() < 0.037
+    assert later.max() <= 0.065 + 1e-9
+    assert np.all(np.diff(t - late) >= -1e-12)
+    fixed = bench.driven(Truth({}, {"command.delay": 0.02}), t, np.random.default_rng(0))
+    assert fixed[-1] == pytest.approx(19.98)
+
+
+CLOSING = (
+    2
+    * 0.9
+    * float(np.average(0.02 * np.arange(1, 7), weights=np.exp(-0.3 * np.arange(6))))
+    / (1 + (5 / 7) ** 4)
+)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "width"),
+    [
+        ({"rem_form": 1.0, "rem_width": 0.12, "rem_share": 1.0}, 2 * 0.12 * 7 / 12),
+        ({"rem_form": 2.0, "rem_width": 0.06, "rem_share": 0.8, "rem_span": 1.0}, 2 * 0.8 * 0.06),
+        # less by 1 / (1 + (i / 0.7)^4) towards the tip, plays weighted by exp(-0.3 k)
+        ({"rem_form": 3.0, "rem_width": 0.12, "rem_share": 0.9, "rem_span": 1.0}, CLOSING),
+    ],
+)
+def test_field_is_higher_on_the_way_down(numbers: Numbers, width: float) -> None:
+    """The loop is as wide as the mean of its plays (7/12 of the widest, both ways) or relays."""
+    t = clock(2.0)
+    field = held({**YIELD, **numbers}, t, 1 - np.abs(1 - t))["field"]
+    assert field[at(1.5)] - field[at(0.5)] == pytest.approx(width, rel=0.05)
+
+
+# --- fluid ---------------------------------------------------------------------------------------
+LOST = {**YIELD, "gas_sign": 1.0, "gas_loss": 0.8}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "place", "out", "back"),
+    [
+        ({**LOST, "gas_form": 1.0, "gas_stroke": 0.002}, 0.0005, 100 * (1 - 0.8 * np.exp(-0.25)), -100),
+        ({**LOST, "gas_form": 2.0, "gas_stroke": 0.002}, 0.0005, 100 * (1 - 0.8 * 0.75**2), -100),
+        # empty for half of 4 mm, then softly: half of the loss is made up half way
+        ({**LOST, "gas_form": 4.0, "gas_stroke": 0.004, "gas_free": 0.5}, 0.0015, 20, -100),
+        ({**LOST, "gas_form": 4.0, "gas_stroke": 0.004, "gas_free": 0.5}, 0.0025, 20 + 80 * 5 / 32, -100),
+        ({**LOST, "gas_form": 4.0, "gas_stroke": 0.004, "gas_free": 0.5, "gas_sign": -1.0}, 0.0085, 100, -20),
+    ],
+)
+def test_gas_takes_force_at_the_start_of_one_stroke(
+    numbers: Numbers, place: float, out: float, back: float
+) -> None:
+    assert on_the_way(numbers, place) == pytest.approx((out, back), rel=0.05)
+    assert on_the_way(numbers, 0.005)[0] == pytest.approx(100.0, rel=0.07)
+
+
+# --- all of them -----------------------------------------------------------------------------------------
+DEVICE = dampers.draw(np.random.default_rng(1), mounted=True)
+SCALE = Scale(500.0, 40.0, 0.005, 1.0, DEVICE.machine.command, DEVICE.piston(500.0))
+FORMS = {f"{name} {k}": form for name, (_, forms) in causes.EFFECTS.items() for k, form in enumerate(forms)}
+FORMS |= {name: form for name, (_, form) in unknown.DAMPER.items()}
+
+
+def run_at(rate: int, numbers: Numbers, monkeypatch: pytest.MonkeyPatch) -> tuple[Array, Array]:
+    """Place (m) and force over two cycles of changing current, at a rate of steps."""
+    monkeypatch.setattr(rig, "RATE_HZ", rate)
+    t = clock(0.8, rate)
+    w = 2 * np.pi * 2.5
+    u = DEVICE.machine.command * (0.5 - 0.4 * np.cos(2 * w * t))
+    out = rig.run_damper(numbers, 0.008 * np.sin(w * t), 0.008 * w * np.cos(w * t), u)
+    return 0.008 * np.sin(w * t[::2]), out["force"]
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_half_the_step_changes_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At a middling size the step is fine enough, and what loses energy does."""
+    form: Form = FORMS[name]
+    sized = form(np.random.default_rng(3), SCALE)(0.3)
+    numbers = {**DEVICE.numbers, **{k: v for k, v in sized.items() if "." not in k}}
+    x, force = run_at(RATE_HZ, numbers, monkeypatch)
+    fine = run_at(2 * RATE_HZ, numbers, monkeypatch)[1][::2]
+    assert np.sqrt(np.mean((force - fine) ** 2) / np.mean(fine**2)) < 2e-3
+    last = slice(len(x) // 2, None)
+    assert np.trapezoid(force[last], x[last]) > 0
+
+
+@pytest.mark.parametrize("name", [n for n in frame_causes.UNKNOWN if n not in unknown.DAMPER])
+def test_frames_stay_whole(name: str) -> None:
+    """The strongest of each kind leaves a frame's accelerations finite and of an earthquake's order."""
+    acc = (1.7, 2.0, 2.3)
+    scale = frame_causes.FrameScale(
+        SCALE, (1e-3, 6e-4, 3e-4), (0.025, 0.016, 0.012), acc, (4e5,) * 3, (50.0,) * 3, (100.0,) * 3
+    )
+    sized = frame_causes.UNKNOWN[name][1](np.random.default_rng(2), scale, 2)(1.0)
+    truth = Truth(DEVICE.numbers, {}, False, [PLAIN] * 3).having(sized)
+    t = clock(2.0)
+    out = rig.run_frame(truth.numbers, truth.storeys, (0, 1), 3 * np.sin(2 * np.pi * 3 * t), 0 * t)
+    assert all(np.abs(out[f"acceleration{j}"]).max() < 80 for j in (1, 2, 3))

@@ -11,40 +11,29 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bingham_rig import write_case
 from mrdamp import cli
 from mrdamp.model import Model
 from mrdamp.records.csv_file import render
 from mrdamp.simulation.predict import predict
+from record_tables import channels_by_test
 
 CASES = Path(__file__).parents[2] / "shared" / "cases"
 DAMPER = [f"open_{k:02d}" for k in range(1, 11)]
 
-NOMINAL = {
-    "law": "bingham",
-    "parameters": {"c0a": 800.0, "c0b": 200.0, "fya": 40.0, "fyb": 300.0, "v_ref": 0.02},
-}
-
 
 def make_case(folder: Path, **changes: Any) -> Path:
     """A small case of two tests and a repeat."""
-    folder.mkdir()
-    t = 0.004 * np.arange(400)
-    for k, name in enumerate(("01.csv", "02.csv", "03_repeat.csv")):
-        x = 0.01 * np.sin(2 * np.pi * (1 + k % 2) * t)
-        columns = {
+    t, tests = 0.004 * np.arange(400), {}
+    for name, hz in (("01", 1.0), ("02", 2.0), ("03_repeat", 1.0)):
+        x = 0.01 * np.sin(2 * np.pi * hz * t)
+        tests[name] = {
             "time_s": t,
             "displacement_m": x,
             "command": np.full(400, 1.0),
-            "force_N": 1000 * np.cos(2 * np.pi * (1 + k % 2) * t),
+            "force_N": 1000 * np.cos(2 * np.pi * hz * t),
         }
-        (folder / name).write_text(render(columns))
-    case = {
-        "name": "small", "format": 1, "rig": "damper", "sample_rate_hz": 250.0, "nominal": NOMINAL,
-        "channels": ["time_s", "displacement_m", "command", "force_N"],
-        "records": ["01.csv", "02.csv", "03_repeat.csv"],
-    }  # fmt: skip
-    (folder / "case.json").write_text(json.dumps(case | changes))
-    return folder
+    return write_case(folder, tests, **changes)
 
 
 def spoil(folder: Path, change: Callable[[list[str]], list[str]]) -> None:
@@ -79,6 +68,9 @@ def without_force(lines: list[str]) -> list[str]:
         ({"channels": ["time_s", "displacement_m", "command", "force"]}, ("case.json", "force")),
         ({"nominal": {"law": "bingham", "parameters": {"c0a": 1.0}}}, ("case.json", "c0b")),
         ({"rig": "shaker"}, ("case.json", "shaker")),
+        ({"baseline": "x"}, ("case.json", "must be a list")),
+        ({"baseline": ["01.csv"]}, ("case.json", "or one of 'records'")),
+        ({"baseline": ["no.csv"]}, ("no.csv", "no such")),
     ],
 )
 def test_a_bad_case_is_refused_in_a_line(
@@ -101,12 +93,10 @@ def test_a_bad_case_is_refused_in_a_line(
 
 def shrink(name: str, out: Path) -> float:
     """1 - gap of the corrected simulator over that of the nominal one, on tests that the case does not hold."""
-    tests = np.load(CASES / "open_tests" / f"{name}.npz")
     model, before, after = Model.read(out / "corrected.json"), 0.0, 0.0
-    for test in sorted({key.split("/")[0] for key in tests.files}):
-        columns = {c: tests[f"{test}/{c}"] for c in ("time_s", "displacement_m", "command")}
-        (out / "test.csv").write_text(render(columns))
-        force, nominal = tests[f"{test}/force_N"][50:], tests[f"{test}/nominal_N"][50:]
+    for test in channels_by_test(CASES / "open_tests" / f"{name}.npz").values():
+        (out / "test.csv").write_text(render({c: test[c] for c in ("time_s", "displacement_m", "command")}))
+        force, nominal = test["force_N"][50:], test["nominal_N"][50:]
         found = predict(model, out / "test.csv")["force_N"][50:]
         size = float(np.mean(force**2))
         before += float(np.mean((nominal - force) ** 2)) / size

@@ -1,22 +1,35 @@
-"""The catalogue of effects, for records of any size and sampling, and which way its terms and numbers point."""
+"""The catalogue of effects, where causes end as another one, what records cannot tell apart, a delay on a clock."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bingham_rig import force, model
+from laboratory import TRUE, rig_tests
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.constants import CAUSE, LAW
+from mrdamp.diagnosis.evidence.judgement import scored
+from mrdamp.diagnosis.evidence.penalties import gone, of_damper, unreferenced
 from mrdamp.diagnosis.evidence.structure_numbers import deviations
-from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.evidence.verdict import decide
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.sampled_delay import sampled_delays, try_sampled_delay
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms
 from mrdamp.diagnosis.hypotheses.frame_effects import structure_coordinates
 from mrdamp.diagnosis.hypotheses.outside import PLAIN, command_rivals, force_rivals, plain
 from mrdamp.diagnosis.hypotheses.outside_storeys import storey_rivals
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Sizes
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Sizes, Term
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Model, core
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.structures import dyke1996
 
@@ -104,3 +117,180 @@ def test_what_all_masses_and_stiffnesses_share_is_no_deviation(shared: float) ->
     expected[odd] = np.log(0.8)
     assert found.names == tuple(c.name for c in nominal)
     np.testing.assert_allclose(found.values, expected, atol=1e-12)
+
+
+def rig_with(*others: str) -> DamperRig:
+    """A damper with other channels that read the force beside the force sensor."""
+    t = 0.002 * np.arange(1000)
+    x, force = 0.01 * np.sin(2 * np.pi * 2 * t), 500 * np.cos(2 * np.pi * 2 * t)
+    channels = {
+        "displacement_m": x,
+        "command": np.ones(1000),
+        "force_N": force,
+        **dict.fromkeys(others, force),
+    }
+    return DamperRig(model(), (Record("sine", None, 0.002, channels),))
+
+
+@pytest.fixture(scope="module")
+def terms() -> dict[str, Term]:
+    return {t.name: t for t in rig_with().terms}
+
+
+def made(term: Term, cost: float, point: Array | None = None) -> Fit:
+    """A fit of one term; at its start unless told otherwise."""
+    hypothesis = Hypothesis((), (term,))
+    point = hypothesis.start() if point is None else point
+    return Fit(hypothesis, point, cost, np.zeros(10), np.zeros((10, len(point))))
+
+
+def chosen(*fits: Fit) -> tuple[str, ...]:
+    """The causes that are decided for beside no cause at all."""
+    every = [Fit(Hypothesis(()), np.zeros(0), 1.0, np.zeros(10), np.zeros((10, 0))), *fits]
+    return decide(scored(every, left_out={id(f): f.cost for f in every}), 0.01).chosen.causes
+
+
+@pytest.mark.parametrize(("least", "cause"), [(True, "mount_compliance"), (False, "backlash")])
+def test_a_clearance_that_is_none_is_a_spring(terms: dict[str, Term], least: bool, cause: str) -> None:
+    """The least gap that is tried leaves a mount with stiffness; a fit there is no evidence of a clearance."""
+    backlash, mount = terms["backlash"], terms["mount_compliance"]
+    point = Hypothesis((), (backlash,)).start()
+    if least:
+        point[0] = Hypothesis((), (backlash,)).bounds()[0][0] + 0.1
+    clearance = made(backlash, 0.0101, point)
+    assert ("backlash_gap" in clearance.at_lower_bounds) == least
+    assert chosen(clearance, made(mount, 0.0110)) == (cause,)
+
+
+@pytest.mark.parametrize(
+    ("form", "ratio", "cause"),
+    [
+        ("with a stop", 7.5, "backlash"),
+        ("with a stop", 6.5, "mount_compliance"),
+        ("hardening", 7.5, "backlash"),
+        ("hardening", 6.5, "mount_compliance"),
+    ],
+)
+def test_a_soft_mount_with_a_hard_stop_is_a_clearance(
+    terms: dict[str, Term], form: str, ratio: float, cause: str
+) -> None:
+    """ratio: of the stiffness under the RMS force to that without a force. The mount fits a little better, as it may
+    beside an error of the law."""
+    term, force, k = terms[f"mount_compliance:{form}"], 500 / np.sqrt(2), 5e5
+    values = {"mount_compliance_k": k, "mount_compliance_stop": 1e-4, "mount_compliance_stiffer": ratio - 1}
+    # k d (1 + k3 d^2) = force with 3 k3 d^2 = ratio - 1
+    values["mount_compliance_k3"] = (ratio - 1) / 3 * (k * (1 + (ratio - 1) / 3) / force) ** 2
+    point = np.array([c.point(values[c.name]) for c in term.coordinates])
+    assert chosen(made(terms["backlash"], 0.0110), made(term, 0.0101, point)) == (cause,)
+
+
+@pytest.mark.parametrize(
+    ("form", "least", "is_gone"),
+    [
+        ("", (), False),
+        ("", ("driver_lag_tau",), False),  # the other pole is a lag
+        ("", ("driver_lag_tau", "driver_lag_tau2"), True),
+        ("falling apart", ("driver_lag_tau",), True),
+        ("falling apart", ("driver_lag_fall",), False),  # rising late, falling at once
+    ],
+)
+def test_a_lag_without_its_times_is_none(
+    terms: dict[str, Term], form: str, least: tuple[str, ...], is_gone: bool
+) -> None:
+    term = terms[f"driver_lag:{form}" if form else "driver_lag"]
+    hypothesis = Hypothesis((), (term,))
+    point, low = hypothesis.start(), hypothesis.bounds()[0]
+    for k, c in enumerate(hypothesis.coordinates):
+        if c.name in least:
+            point[k] = low[k]
+    assert gone(made(term, 0.01, point)) == is_gone
+
+
+@pytest.mark.parametrize("channels", [(), ("reference_force_N",)])
+def test_a_gain_without_a_reference_adds_nothing_to_free_numbers_of_the_law(
+    terms: dict[str, Term], channels: tuple[str, ...]
+) -> None:
+    """A gain is a common factor of the law's coefficients: beside fixed ones it is a cause, beside free ones none."""
+    rig = rig_with(*channels)
+    gain, mass = terms["sensor_gain"], terms["moving_mass"]
+    held = made(gain, 0.0101)
+    free = replace(held, hypothesis=Hypothesis(rig.nominal, (gain,)))
+    assert [of_damper(rig, f) for f in (held, free)] == [0.0, 0.0 if channels else CAUSE]
+    assert not unreferenced(rig, made(mass, 0.01))
+
+
+def test_hysteresis_beside_a_law_without_any_counts_as_another_law_unless_the_law_is_known(
+    terms: dict[str, Term],
+) -> None:
+    """Seal friction of presliding beside Bingham's law; a spring has no loop."""
+    rig = rig_with("reference_force_N")
+    seal, spring = (made(terms[n], 0.1) for n in ("seal_friction", "gas_spring"))
+    assert of_damper(rig, seal, unsure=True) == LAW
+    assert of_damper(rig, seal) == 0.0
+    assert of_damper(rig, spring, unsure=True) == 0.0
+
+
+def test_at_one_command_a_coefficient_is_known_as_a_whole_only() -> None:
+    """The rig's yield force at 1 A is 50 + 400 N, the simulator's 50 + 300 N: 150 N at no command do as well."""
+    records = tuple(rig_tests("bingham", chosen=(2, 5, 8), duration=2.0))
+    nominal = Model("bingham", {**TRUE["bingham"], "fyb": 300.0})
+    found = diagnose(Case("rig", Path(), nominal, records, ()), jobs=1)
+    assert found.verdict == "parameters"
+    assert found.corrected.parameters["fya"] == pytest.approx(150.0, rel=5e-3)
+    assert {name: found.corrected.parameters[name] for name in ("fyb", "c0b")} == {"fyb": 300.0, "c0b": 200.0}
+    assert set(found.intervals) == {"fya", "c0a", "v_ref"}
+
+
+DT, NOISE = 2e-3, 3.0
+TIME: Array = DT * np.arange(3000, dtype=np.float64)
+DELAY, PERIOD, PHASE = 0.021, 0.0137, 0.4
+
+
+def command(t: Array, k: int) -> Array:
+    """Two tests' commands at times (n,); before a test its first."""
+    t = np.maximum(t, 0.0)
+    return np.asarray(0.5 + 0.25 * np.sin((9 + k) * t) + 0.2 * np.sin((23 - 4 * k) * t + k))
+
+
+def search(period: float, stride: int) -> tuple[Search, Fit]:
+    """Of records with a clock of that period (0: none), with the plain delay fitted to them."""
+    rng, records = np.random.default_rng(5), []
+    for k in (0, 1):
+        x = 0.012 * np.sin((11 - 2 * k) * TIME) + 0.004 * np.sin(29 * TIME + k)
+        v = 0.012 * (11 - 2 * k) * np.cos((11 - 2 * k) * TIME) + 0.004 * 29 * np.cos(29 * TIME + k)
+        taken: Array = TIME - DELAY
+        if period > 0:
+            taken = np.asarray((np.floor(taken / period - PHASE) + PHASE) * period)
+        u = command(taken, k)
+        read = force(v, u) + NOISE * rng.standard_normal(len(v))
+        channels = {"displacement_m": x, "velocity_m_s": v, "command": command(TIME, k), "force_N": read}
+        records.append(Record(f"{k}", None, DT, channels))
+    problem = Problem(DamperRig(model(), tuple(records)), stride=stride, coarse=True)
+    made = Search(problem, sum((NOISE / b.size) ** 2 for b in problem.blocks))
+    term = next(t for t in problem.rig.terms if t.name == "command_delay")
+    plain = Hypothesis((), (term,))
+    return made, fit(problem, plain, plain.start((1,)))
+
+
+@pytest.mark.parametrize("stride", [1, 5])
+def test_period_and_phase_are_read_off_what_a_plain_delay_leaves(stride: int) -> None:
+    made, plain = search(PERIOD, stride)
+    assert plain.settings["command_delay_d"] == pytest.approx(DELAY + PERIOD / 2, abs=1e-3)
+    hypothesis, start = next(sampled_delays(made.problem, plain))
+    first = hypothesis.settings(start)
+    assert first["command_delay_period"] == pytest.approx(PERIOD, rel=1e-3)
+    assert first["command_delay_phase"] % 1 == pytest.approx(PHASE, abs=0.15)
+    try_sampled_delay(made, plain)
+    found = made.best(False)
+    assert found is not None
+    assert found.hypothesis.name == "command_delay:on a clock"
+    assert found.cost < 0.3 * plain.cost
+    assert found.settings["command_delay_period"] == pytest.approx(PERIOD, rel=2e-4)
+    assert found.settings["command_delay_d"] == pytest.approx(DELAY, abs=5e-4)
+    assert found.settings["command_delay_phase"] % 1 == pytest.approx(PHASE, abs=0.05)
+
+
+def test_a_plain_delay_gets_no_clock() -> None:
+    made, plain = search(0.0, 1)
+    try_sampled_delay(made, plain)
+    assert [f.hypothesis.name for f in made.ranked(False)] == ["parameters"]

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgba
-from matplotlib.patches import FancyBboxPatch
 
 from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.report.changes import Change, changes, unit_of
@@ -19,7 +17,6 @@ from mrdamp.pictures.diagnosis import (
     ResidualData,
     added,
     by_regime,
-    chain,
     gap_map,
     loops,
     residuals,
@@ -140,16 +137,6 @@ def record(displacement: bool = True) -> ResidualData:
     x, v = 0.01 * np.sin(2 * np.pi * t), 0.02 * np.pi * np.cos(2 * np.pi * t)
     f = 1000 * v
     return ResidualData("r", t, v, 0 * t, f, 1.5 * f, 1.05 * f, displacement=x if displacement else None)
-
-
-def test_the_stage_of_a_named_cause_is_lit_and_no_other() -> None:
-    shares = {"driver": 0.1, "magnetics": 0.7, "sensor": 0.2}
-    ax = chain(shares, named=["magnetics"]).axes[0]
-    boxes = [p for p in ax.patches if isinstance(p, FancyBboxPatch)]
-    labels = [t for t in ax.texts if t.get_text() in shares]
-    assert [t.get_text() for t in labels] == list(shares)
-    assert [to_rgba(b.get_facecolor())[3] for b in boxes] == [0.0, 1.0, 0.0]
-    assert [t.get_fontweight() for t in labels] == ["normal", "bold", "normal"]
 
 
 def test_residuals_before_and_after_stand_on_one_scale() -> None:

@@ -1,8 +1,9 @@
-"""What goes wrong in a diagnosis is told in a line; what is handed over loads in MuJoCo."""
+"""What goes wrong in a diagnosis, what the audit says of records, and what is handed over."""
 
 from __future__ import annotations
 
-import json
+import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,16 @@ import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
+from scipy.signal import butter, resample_poly, sosfilt, sosfiltfilt
 
+from bingham_rig import LAW, force, write_case
 from frame_case import DT, believed, records
 from mrdamp import cli
+from mrdamp.cli import main as mrdamp
 from mrdamp.commands import diagnosis as command
-from mrdamp.diagnosis.case.audit import of_frame
-from mrdamp.diagnosis.case.folder import read_case
+from mrdamp.diagnosis.case.audit import of_frame, processing
+from mrdamp.diagnosis.case.coverage import beyond, within
+from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.fits import table
 from mrdamp.diagnosis.fits.final import AGREEMENT
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
@@ -27,65 +32,33 @@ from mrdamp.diagnosis.report.result import Diagnosis, Gap, Where
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
-from mrdamp.records import Record
+from mrdamp.records import Record, read_record
 from mrdamp.records.checks import check_frame_sign
-from mrdamp.records.csv_file import render
 from refusals import refuses
 
-LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
 NONE = Limits(singles=0, forms=0, depth=1, polished=0)  # no effect is fitted
 
 
-def bingham(x: Array, u: Array, dt: float, **changed: float) -> Array:
-    """N, as the law's equation has it: dry friction of the field and a dashpot."""
-    p = LAW | changed
-    v = np.gradient(x, dt)
-    return np.asarray((p["fya"] + p["fyb"] * u) * np.tanh(v / p["v_ref"]) + (p["c0a"] + p["c0b"] * u) * v)
-
-
-def write(folder: Path, offset: float = 0.0, **changed: float) -> Path:
+def write(folder: Path, offset: float = 0.0, low_hz: float = 1.0, **changed: float) -> Path:
     """Three tests and a repeat, at constant and at changing commands."""
-    folder.mkdir()
-    rng, dt = np.random.default_rng(6), 0.002
-    t: Array = np.linspace(0, 699 * dt, 700)
-    tests = [
-        (1.0, np.full(700, 0.2)),
-        (2.2, np.full(700, 0.8)),
-        (1.6, 0.5 + 0.4 * np.sin(9 * t)),
-        (2.2, np.full(700, 0.8)),
-    ]
-    names = ["1_low.csv", "2_high.csv", "3_both.csv", "4_repeat.csv"]
-    for name, (hz, u) in zip(names, tests, strict=True):
+    rng, t = np.random.default_rng(6), np.linspace(0, 1.398, 700)
+    rows: dict[str, tuple[float, Array]] = {
+        "1_low": (low_hz, np.full(700, 0.2)),
+        "2_high": (2.2, np.full(700, 0.8)),
+        "3_both": (1.6, 0.5 + 0.4 * np.sin(9 * t)),
+        "4_repeat": (2.2, np.full(700, 0.8)),
+    }
+    tests = {}
+    for name, (hz, u) in rows.items():
         x = 0.008 * np.sin(2 * np.pi * hz * t)
-        force = bingham(x, u, dt, **changed) + offset + 3 * rng.standard_normal(700)
-        columns: dict[str, Array] = {
-            "time_s": t,
-            "displacement_m": np.asarray(x),
-            "command": u,
-            "force_N": force,
-        }
-        (folder / name).write_text(render(columns))
-    case: dict[str, Any] = {
-        "name": "small", "format": 1, "rig": "damper", "sample_rate_hz": 500.0,
-        "nominal": {"law": "bingham", "parameters": LAW},
-        "channels": ["time_s", "displacement_m", "command", "force_N"], "records": names,
-    }  # fmt: skip
-    (folder / "case.json").write_text(json.dumps(case))
-    return folder
+        read = force(np.gradient(x, DT), u, **changed) + offset + 3 * rng.standard_normal(700)
+        tests[name] = {"time_s": t, "displacement_m": x, "command": u, "force_N": read}
+    return write_case(folder, tests)
 
 
 def test_a_repeat_at_a_constant_command_belongs_to_the_test_with_that_command(tmp_path: Path) -> None:
     """Two tests with one motion at two commands: the repeat is of the one with its command."""
-    folder = write(tmp_path / "case")
-    low, high = (folder / name for name in ("1_low.csv", "2_high.csv"))
-    t: Array = np.linspace(0, 1.398, 700)
-    x = 0.008 * np.sin(2 * np.pi * 2.2 * t)
-    force = bingham(x, np.full(700, 0.2), 0.002)
-    low.write_text(
-        render({"time_s": t, "displacement_m": np.asarray(x), "command": np.full(700, 0.2), "force_N": force})
-    )
-    assert high.is_file()
-    assert [k for _, k in read_case(folder).repeats] == [1]
+    assert [k for _, k in read_case(write(tmp_path / "case", low_hz=2.2)).repeats] == [1]
 
 
 def test_a_parameter_at_the_end_of_its_range_is_told(tmp_path: Path) -> None:
@@ -139,35 +112,13 @@ def test_an_interrupt_is_one_line_and_leaves_no_answer(
     assert list(out.iterdir()) == []
 
 
-BOUC_WEN = {
-    "c0a": 760.0, "c0b": 890.0, "alpha_a": 21e3, "alpha_b": 119e3, "gamma": 1.1e6, "beta": 1.1e6, "A": 155.0,
-    "n": 2.0, "k0": 240.0, "x0": 0.0,
-}  # fmt: skip
-
-
-def damper_record() -> Record:
-    """A random motion and a stepped command; the force is none of the simulator's."""
-    t: Array = np.linspace(0, 1499 * DT, 1500)
-    rng = np.random.default_rng(2)
-    rows = zip((0.7, 1.9, 4.1), rng.uniform(0, 6, 3), strict=True)
-    x = np.sum([0.004 / f * np.sin(2 * np.pi * f * t + p) for f, p in rows], axis=0)
-    command = np.where(np.floor(t / 0.35) % 2 < 1, 0.1, 0.9)
-    force = 24000 * np.gradient(x, DT) * (0.3 + command)
-    return Record(
-        "random", None, DT, {"time_s": t, "displacement_m": x, "command": command, "force_N": force}
-    )
-
-
-def diagnosis(model: Model) -> Diagnosis:
-    gap = Gap(0.2, 0.1, 0.01, 0.005, (0.009, 0.011))
-    return Diagnosis("x", model.rig, "either", "parameters", (), (), (), Where({}), gap, (), {}, model)
-
-
 def test_what_is_handed_over_is_a_model_that_loads(tmp_path: Path) -> None:
-    model = Model("bouc_wen", BOUC_WEN, (Effect("driver_lag", {"tau": 0.02}),))
-    still = Record("still", None, DT, {**damper_record().channels, "command": np.zeros(1500)})
-    found = hand_over(diagnosis(model), [still, damper_record()], tmp_path / "mjcf")
-    assert [row["record"] for row in found.stepped] == ["random", "still"]  # the changing command first
+    model = Model("bingham", LAW, (Effect("driver_lag", {"tau": 0.02}),))
+    gap = Gap(0.2, 0.1, 0.01, 0.005, (0.009, 0.011))
+    found = Diagnosis("x", "damper", "either", "parameters", (), (), (), Where({}), gap, (), {}, model)
+    steady, _, changing = read_case(write(tmp_path / "case")).records
+    found = hand_over(found, [steady, changing], tmp_path / "mjcf")
+    assert [row["record"] for row in found.stepped] == ["3_both", "1_low"]  # the changing command first
     assert all(abs(row["mujoco_gap"] - row["offline_gap"]) < AGREEMENT for row in found.stepped)
     assert found.to_dict()["mujoco"] == list(found.stepped)
     m = mujoco.MjModel.from_xml_path(str(tmp_path / "mjcf" / "scene.xml"))
@@ -214,3 +165,105 @@ def test_channels_that_a_case_leaves_out_are_told_of(tmp_path: Path, capsys: pyt
         "check: floor2_displacement_m: not in all records; left out",
         "check: floor4_acceleration_m_s2: the model has 3 storeys; left out",
     ]
+
+
+DATA = Path(os.environ.get("MRDAMP_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+
+
+def sine(amplitude: float, frequency: float, command: float) -> Record:
+    """Amplitude (m), frequency (Hz), constant command."""
+    t = np.arange(4000) / 1000
+    x = amplitude * np.sin(2 * np.pi * frequency * t)
+    return Record("r", None, 1e-3, {"displacement_m": x, "command": np.full(len(t), command), "force_N": x})
+
+
+BASELINE = (sine(0.005, 2.0, 0.0), sine(0.020, 1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("record", "told"),
+    [
+        (sine(0.010, 1.5, 0.5), ""),
+        (sine(0.003, 3.0, 0.0), ""),
+        (sine(0.002, 4.0, 0.5), "amplitude 2 mm (baseline 5 to 20)"),
+        (sine(0.041, 0.5, 0.5), "amplitude 41 mm (baseline 5 to 20)"),
+        # RMS speeds: 44.4 and 88.9 mm/s of the baseline, 11.1 and 200 of these.
+        (sine(0.010, 0.25, 0.5), "RMS speed 11.1 mm/s (baseline 44.4 to 88.9)"),
+        (sine(0.015, 3.0, 0.5), "RMS speed 200 mm/s (baseline 44.4 to 88.9)"),
+        (sine(0.010, 1.5, 2.1), "command 2.1 (baseline 0 to 1)"),
+    ],
+)
+def test_a_record_is_beyond_from_twice_the_range_on(record: Record, told: str) -> None:
+    assert beyond(record, BASELINE) == told
+
+
+def test_records_beyond_are_left_out_with_their_repeats_unless_all_are() -> None:
+    model = Model("bingham", {"c0a": 1.0, "c0b": 0.0, "fya": 1.0, "fyb": 0.0, "v_ref": 0.01})
+    inside, outside = sine(0.010, 1.5, 0.5), sine(0.002, 4.0, 0.5)
+    far = Record("far", None, 1e-3, dict(outside.channels))
+    near = Record("near", None, 1e-3, dict(inside.channels))
+    repeats = ((far, 0), (near, 1), (near, None))
+    case = Case("c", Path(), model, (far, near), repeats, BASELINE)
+    left, how = within(case)
+    assert left.records == (near,)
+    assert left.repeats == ((near, 0), (near, None))
+    assert how == {"far": "amplitude 2 mm (baseline 5 to 20)"}
+    alone = Case("c", Path(), model, (far,), (), BASELINE)
+    assert within(alone) == (alone, how)
+    assert within(Case("c", Path(), model, (far,), ()))[1] == {}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (DATA / "utfsm").is_dir(), reason="no measured records of utfsm here")
+def test_no_change_is_named_in_a_sweep_of_an_unchanged_rig_beyond_its_baseline(tmp_path: Path) -> None:
+    """Sines of 5 to 25 mm are the baseline, the sweep has 2 mm: a seal friction of 183 N was told."""
+    sines = sorted((DATA / "utfsm" / "train").glob("*"))
+    (sweep,) = (DATA / "utfsm" / "validation").glob("chirp*")
+    fit = ["--law", "bouc_wen", "--dependence", "quadratic", "--extras", "offset", "-o", tmp_path / "m"]
+    for run in (
+        ["identify", *sines, *fit],
+        ["case", tmp_path / "m", sweep, "--baseline", *sines, "-o", tmp_path / "case"],
+    ):
+        assert mrdamp([str(word) for word in run]) == 0
+    answer = diagnose(read_case(tmp_path / "case"))
+    assert (answer.verdict, answer.effects) == ("unknown", ())
+    assert "leave the regimes of the baseline (amplitude 2.01 mm" in answer.sentence
+    assert answer.gap.corrected == pytest.approx(answer.gap.nominal)
+
+
+FS = 500.0
+
+
+def low_pass(cutoff_hz: float, filtered: Callable[..., Array] = sosfiltfilt) -> Callable[[Array], Array]:
+    return lambda x: filtered(butter(4, cutoff_hz, fs=FS, output="sos"), x)
+
+
+@pytest.mark.parametrize(
+    ("process", "told"),
+    [
+        (lambda x: x, None),
+        (lambda x: np.round(x, 2), None),
+        (lambda x: np.convolve(x, np.ones(5) / 5, "same"), "is a moving average over 5 samples"),
+        (lambda x: np.convolve(x, np.ones(12) / 12, "same"), "is a moving average over 12 samples"),
+        (low_pass(60), "is low-pass filtered or resampled"),
+        (low_pass(60, sosfilt), "is low-pass filtered or resampled"),
+        (lambda x: resample_poly(x[::2], 2, 1), "is low-pass filtered or resampled"),
+        (lambda x: x[:200], None),
+    ],
+    ids=["raw", "rounded", "mean of 5", "mean of 12", "zero phase", "causal", "resampled", "short"],
+)
+def test_processing_is_told_by_its_spectrum(process: Callable[[Array], Array], told: str | None) -> None:
+    """A force with steps at the turns, and white noise of .5 %."""
+    t = np.arange(6000) / FS
+    clean = np.sin(2 * np.pi * 2 * t) + 0.3 * np.sign(np.sin(2 * np.pi * 1.3 * t))
+    noise = 0.005 * np.random.default_rng(0).standard_normal(len(t))
+    assert processing(process(clean + noise)) == told
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="needs the measured records of ../shared/data")
+def test_no_processing_is_told_of_raw_channels() -> None:
+    """The owners of these three rigs logged their channels as they are."""
+    records = [read_record(p) for rig in ("utfsm", "utfpr", "nees") for p in (DATA / rig).glob("*/*.csv.gz")]
+    assert len(records) > 60
+    told = [processing(v) for r in records for k, v in r.channels.items() if k not in ("time_s", "command")]
+    assert not any(told)

@@ -1,28 +1,26 @@
-"""Fits and a search of causes on the toy: rough runs, rugged numbers, threads, forms of causes, the last fit."""
+"""Fits and a search of causes on the toy: rough runs, rugged numbers, forms of causes; and data left out of a fit."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from threading import Barrier
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
+from mrdamp.diagnosis.evidence import judgement
 from mrdamp.diagnosis.fits import alternative_forms, screening
 from mrdamp.diagnosis.fits.final import final_fit, least_left_out
-from mrdamp.diagnosis.fits.least_squares import Fit, fit
-from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out
+from mrdamp.diagnosis.fits.left_out import folds, predicted
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings, Term
-from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.errors import InputError
-from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
-from toy_rig import ToyRig, search_of, toy
+from toy_rig import ToyRig, parts, search_of, toy
 
 TRUTH = {"gain": 2.3, "cubic": 0.4, "sign": 0.3}
 
@@ -51,11 +49,16 @@ class Stepped(ToyRig):
         return self.rough
 
 
-def fitted(factor: float | None = None, square: float = 0.0, foreign: float = 0.0) -> tuple[Fit, Problem]:
+def fitted(
+    factor: float | None = None, square: float = 0.0, foreign: float = 0.0, rugged: bool = False
+) -> tuple[Fit, Problem]:
     plain = toy(TRUTH)
     rough = None if factor is None else Bent(plain.records, factor=factor, square=square, foreign=foreign)
     rig = Stepped(plain.records, rough=rough)
-    hypothesis = Hypothesis(rig.nominal, tuple(t for t in rig.terms if t.effect in ("cubic", "sign")))
+    terms = []
+    for term in (t for t in rig.terms if t.effect in ("cubic", "sign")):
+        terms.append(replace(term, coordinates=tuple(replace(c, rugged=rugged) for c in term.coordinates)))
+    hypothesis = Hypothesis(rig.nominal, tuple(terms))
     problem = Problem(rig, coarse=True)
     return fit(problem, hypothesis, hypothesis.start(), most=20, tolerance=1e-4), problem
 
@@ -72,50 +75,16 @@ def fitted(factor: float | None = None, square: float = 0.0, foreign: float = 0.
 )
 def test_rough_runs_end_where_full_ones_do(factor: float, square: float, foreign: float) -> None:
     want, _ = fitted()
-    got, problem = fitted(factor, square, foreign)
+    got, _ = fitted(factor, square, foreign)
     assert got.cost == pytest.approx(want.cost, rel=0.02)
     np.testing.assert_allclose(got.point, want.point, atol=0.15)
-    # What is told of the fit is the full run's.
+
+
+@pytest.mark.parametrize("rugged", [False, True])
+def test_what_is_told_of_a_fit_is_the_full_runs(rugged: bool) -> None:
+    got, problem = fitted(1.05, 0.05, rugged=rugged)
     np.testing.assert_array_equal(got.residual, problem.residuals(got.hypothesis, got.point)[0])
     assert got.cost == float(got.residual @ got.residual)
-
-
-LAW = {"c0a": 700.0, "c0b": 800.0, "alpha_a": 9e3, "alpha_b": 3e4, "k0": 900.0, "x0": 0.0, "k1": 400.0}
-LAW |= {"c1a": 2e4, "c1b": 5e4, "gamma": 2e6, "beta": 2e6, "A": 120.0, "n": 2.0}
-
-
-def damper(sample_time: float, threads: int = 1) -> DamperRig:
-    """A damper on a machine: two sines, the command a ramp."""
-    t = sample_time * np.arange(600)
-    model, records = Model("modified_bouc_wen", LAW), []
-    for k in range(2):
-        channels = {
-            "displacement_m": 8e-3 * np.sin(2 * np.pi * (k + 1) * t),
-            "command": np.linspace(0, 1, 600),
-        }
-        force = model.simulate(sample_time, channels)["force_N"]
-        records.append(Record(f"{k}", None, sample_time, channels | {"time_s": t, "force_N": 1.1 * force}))
-    return DamperRig(model, tuple(records), threads=threads)
-
-
-def test_threads_change_nothing() -> None:
-    settings: list[Settings] = [{"c0a": c} for c in (500.0, 700.0, 900.0, 1100.0, 1300.0)]
-    one, three = (damper(0.002, threads).simulate(settings, 0, coarse=True) for threads in (1, 3))
-    np.testing.assert_array_equal(one, three)
-
-
-@pytest.mark.parametrize("square", [0.0, 0.05])
-def test_what_is_told_of_a_fit_that_looked_along_rugged_coordinates_is_the_full_runs(square: float) -> None:
-    plain = toy(TRUTH)
-    rig = Stepped(plain.records, rough=Bent(plain.records, factor=1.05, square=square))
-    terms = []
-    for term in (t for t in rig.terms if t.effect in ("cubic", "sign")):
-        terms.append(replace(term, coordinates=tuple(replace(c, rugged=True) for c in term.coordinates)))
-    hypothesis, problem = Hypothesis(rig.nominal, tuple(terms)), Problem(rig, coarse=True)
-    for most in (3, 6, 20):
-        got = fit(problem, hypothesis, hypothesis.start(), most=most, tolerance=1e-2)
-        np.testing.assert_array_equal(got.residual, problem.residuals(hypothesis, got.point)[0])
-        assert got.cost == float(got.residual @ got.residual)
 
 
 LEVEL, LOST = 0.4, 0.7
@@ -160,31 +129,6 @@ def test_a_rugged_number_is_found_from_afar(start: float) -> None:
     assert found.settings["gain"] == pytest.approx(2.0, rel=0.02)
 
 
-SETTINGS: list[Settings] = [{"gain": 2.2}, {"gain": 2.2, "cubic": 0.3}]
-
-
-@dataclass(frozen=True)
-class Together(ToyRig):
-    """A toy whose records are only simulated two at a time."""
-
-    barrier: Barrier | None = None
-
-    def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
-        if self.barrier is not None:
-            self.barrier.wait(timeout=20)
-        if record == 4 and "cubic" in settings[-1]:
-            raise InputError("not this one")
-        return super().simulate(settings, record)
-
-
-def test_records_are_simulated_side_by_side_with_the_same_outcome() -> None:
-    alone = Together(toy({}).records)
-    both = replace(alone, threads=2, barrier=Barrier(2))
-    one, two = Problem(alone), Problem(both)
-    np.testing.assert_array_equal(two.of_settings(SETTINGS[:1]), one.of_settings(SETTINGS[:1]))
-    assert two.runs == one.runs == len(alone.records)
-
-
 NOISE = 0.005
 
 
@@ -194,19 +138,6 @@ def of_term(search: Search, name: str, *, free: bool = False, most: int = 12) ->
     hypothesis = Hypothesis(rig.nominal if free else (), tuple(t for t in rig.terms if t.name == name))
     search.keep(fit(search.problem, hypothesis, hypothesis.start(), most=most))
     return search.fits[hypothesis.key]
-
-
-@pytest.mark.parametrize(("established", "parent"), [("late", "late"), ("cubic", "cubic")])
-def test_a_cause_that_channels_establish_is_extended_first_beside_a_wrong_law(
-    established: str, parent: str
-) -> None:
-    search = Search(Problem(toy({"cubic": 0.6, "late": 6.0, "outside": 0.3})), 1e-6)
-    search.direct = {established: 100.0}
-    search.extend(False, 1)
-    assert search.inexact
-    search.extend(False, 2, Limits(beam=1, additions=1))
-    (pair,) = (f.hypothesis.causes for f in search.ranked(False) if len(f.hypothesis.causes) == 2)
-    assert pair[0] == parent
 
 
 @dataclass(frozen=True)
@@ -263,3 +194,118 @@ def test_a_free_law_gets_what_it_changed_and_not_what_it_could_take() -> None:
     found = Changes.of(search, chosen).table.sum(axis=0)
     assert found / found.sum() == pytest.approx(expected / expected.sum(), abs=0.02)
     assert found[0] > 10 * found[1]
+
+
+def linear(records: int) -> tuple[Problem, Fit, Array, Array]:
+    """A toy that is linear in its terms, fitted; the matrix (samples, 2) and the right side of its least squares."""
+    rig = toy({"cubic": 0.3, "offset": 0.1}, noise=0.3, records=records)
+    problem = Problem(rig)
+    hypothesis = Hypothesis((), tuple(t for t in rig.terms if t.effect in ("cubic", "offset")))
+    found = fit(problem, hypothesis, hypothesis.start(), tolerance=1e-9)
+    tables, rests = [], []
+    for b in problem.blocks:
+        take = problem.taken(b.record)
+        made = {k: v[take] for k, v in parts(np.asarray(rig.records[b.record].displacement)).items()}
+        scale = b.size * np.sqrt(b.span.stop - b.span.start)
+        tables.append(np.column_stack([made["cubic"], made["offset"]]) / scale)
+        rests.append((rig.measured(b.record)[0, take] - 2 * made["gain"]) / scale)
+    return problem, found, np.vstack(tables), np.concatenate(rests)
+
+
+def without(mask: NDArray[np.bool_], table: Array, rest: Array) -> Array:
+    """Errors of the samples in the mask, predicted by least squares over all others."""
+    numbers = np.linalg.lstsq(table[~mask], rest[~mask])[0]
+    return np.asarray((table @ numbers - rest)[mask])
+
+
+def test_left_out_records_are_predicted_from_the_others_alone() -> None:
+    """One step from the fit to all must be the others' own least squares."""
+    problem, found, table, rest = linear(6)
+    gaps = leave_out(problem, found, [(2,)])
+    left = np.zeros(problem.samples, dtype=bool)
+    left[problem.blocks[2].span] = True
+    assert gaps[2] == pytest.approx(np.linalg.norm(without(left, table, rest)), rel=1e-5)
+    assert np.isnan(np.delete(gaps, 2)).all()
+
+
+def test_folds_do_not_depend_on_the_order_of_the_files() -> None:
+    rig = toy({"cubic": 0.3}, noise=0.3, records=7)
+
+    def together(records: tuple[Record, ...]) -> set[frozenset[int]]:
+        """Records, by their identity, that are left out in one go."""
+        problem = Problem(replace(rig, records=records))
+        return {
+            frozenset(id(records[b.record]) for b in problem.blocks if mask[b.span].all()) for mask in folds(problem)
+        }
+
+    assert together(rig.records) == together(rig.records[::-1]) == together(rig.records[3:] + rig.records[:3])
+
+
+@pytest.mark.parametrize("records", [3, 6])
+def test_folds_are_predicted_from_all_other_samples(records: int) -> None:
+    """What is left out: thirds in time, or groups of records."""
+    problem, found, table, rest = linear(records)
+    left = folds(problem)
+    assert np.array_equal(np.sum(left, axis=0), np.ones(problem.samples))
+    if records == 3:
+        lengths = [b.span.stop - b.span.start for b in problem.blocks]
+        thirds = [np.repeat([0, 1, 2], np.diff([-(-k * n // 3) for k in range(4)])) for n in lengths]
+        assert np.array_equal(np.argmax(left, axis=0), np.concatenate(thirds))
+    else:
+        assert len(left) == 4
+        assert all(m[b.span].all() or not m[b.span].any() for m in left for b in problem.blocks)
+    expected = np.empty(problem.samples)
+    for mask in left:
+        expected[mask] = without(mask, table, rest)
+    assert predicted(problem, found, left) == pytest.approx(expected, abs=0.02 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("offset", [1.0, 0.01])
+@pytest.mark.parametrize(("slope", "left"), [(1.0, 0.0), (0.3, 0.65), (0.2, 0.25), (-0.2, 1.0)])
+def test_a_step_that_makes_the_kept_records_worse_is_halved(slope: float, left: float, offset: float) -> None:
+    """With a fifth of the true slope the step is five times too long, and two halvings leave a quarter of the error;
+    with three tenths one halving leaves two thirds; with a slope of the wrong sign no step is taken. A small error is
+    treated as a large one."""
+    problem = Problem(toy({"offset": offset}, noise=0.0))
+    hypothesis = Hypothesis((), (Term("offset", "sensor", (Coordinate("offset", 0.0, -50.0, 50.0, 1.0),), ((0.0,),)),))
+    residual = problem.residuals(hypothesis, np.zeros(1))[0]
+    slopes = slope * problem.jacobian(hypothesis, np.zeros(1), residual)
+    found = Fit(hypothesis, np.zeros(1), float(residual @ residual), residual, slopes)
+    gap = leave_out(problem, found, [(2,)])[2] / problem.gaps(residual)[2]
+    assert gap == pytest.approx(left, abs=0.02)
+
+
+class CommandedToy(ToyRig):
+    """The toy with a command of three levels along each record."""
+
+    def conditions(self, record: int) -> dict[str, Array]:
+        return {**super().conditions(record), "command": levels(self.records[record].n)}
+
+
+def levels(n: int) -> Array:
+    return np.asarray(np.arange(n) // 20 % 3, dtype=float)
+
+
+@pytest.mark.parametrize(("cubic", "curve"), [(0.0, 0.4), (0.4, 0.4), (0.4, 0.0)])
+def test_what_a_curve_of_the_command_explains_is_no_evidence_for_a_cause(cubic: float, curve: float) -> None:
+    """The gain follows the square of the command, which the law lacks; a cubic term is there or not."""
+    plain = toy({"cubic": cubic}, noise=0.02).records
+    forces = [r.channel("force_N") + curve * levels(r.n) ** 2 * np.asarray(r.displacement) for r in plain]
+    rig = CommandedToy(
+        tuple(replace(r, channels={**r.channels, "force_N": f}) for r, f in zip(plain, forces, strict=True))
+    )
+    search = Search(Problem(rig), 1e-6)
+    (term,) = (t for t in rig.terms if t.effect == "cubic")
+    free = search.fitted(Hypothesis(rig.nominal, (term,)), np.zeros(2), most=9)
+    search.keep(free)
+    left = judgement.left_out_ratios(search, [search.base, free])[id(free)]
+    alone = search.ratio(search.predicted(free), search.predicted(search.base))
+    assert (left < 0.2) == bool(cubic)
+    if curve:
+        # Beside the curves nothing but noise is left where the cubic term is there, and where it is not.
+        noise = sum(float(np.sum(0.02**2 * search.problem.weights[b.span] ** 2)) for b in search.problem.blocks)
+        both = search.versions(free)[1][0]
+        assert float(both @ both) == pytest.approx(noise, rel=0.15)
+        assert float(search.predicted(free) @ search.predicted(free)) > 20 * noise
+    else:
+        assert left == pytest.approx(alone, rel=0.05)

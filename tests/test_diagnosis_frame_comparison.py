@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frame_case import altered, believed, case_of, records
+from frame_case import altered, believed, case_of, late, records, without
 from mrdamp.diagnosis import frame_run
 from mrdamp.diagnosis.attribution import frame_laws as module
 from mrdamp.diagnosis.attribution.frame_blocks import blocks
@@ -21,8 +21,8 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
 from mrdamp.diagnosis.evidence.changed import since_baseline
-from mrdamp.diagnosis.evidence.judgement import likely, not_established, scored
-from mrdamp.diagnosis.evidence.verdict import Decision, Scored
+from mrdamp.diagnosis.evidence.judgement import likely, scored
+from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.final import final_fit, predicted_gap
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
@@ -41,11 +41,6 @@ from mrdamp.records import Record
 from mrdamp.structures import ShearFrame
 
 
-@pytest.fixture(scope="module")
-def measured() -> dict[str, Record]:
-    return records()
-
-
 def compared(model: Model, found: dict[str, Record]) -> tuple[Compared, ...]:
     """With a damper whose law is far off: it must not matter."""
     wrong = replace(model, parameters={**model.parameters, "alpha_a": 5 * model.parameters["alpha_a"]})
@@ -59,74 +54,39 @@ def clipping(found: dict[str, Record], floor: int) -> dict[str, Record]:
     """The records with a floor's accelerometer clipped at half of its largest reading."""
     name = f"floor{floor}_acceleration_m_s2"
     most = 0.5 * max(float(np.abs(r.channel(name)).max()) for r in found.values())
-    return {
-        k: r.with_channels({name: np.clip(np.asarray(r.channel(name)), -most, most)}) for k, r in found.items()
-    }
+    return altered(found, lambda a: np.clip(a, -most, most), name)
 
 
-def test_nothing_is_compared_where_all_is_in_balance(measured: dict[str, Record]) -> None:
-    assert compared(believed(), measured) == ()
+def test_nothing_is_compared_where_all_is_in_balance() -> None:
+    assert compared(believed(), records()) == ()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("change", "cause", "setting", "value"),
-    [
-        ({"stiffness": (5.16e5, 8.0e5, 6.84e5)}, "storey_stiffness@2", "storey_stiffness_e@2", 6.84 / 8 - 1),
-        ({"damping": (125.0, 50.0, 800.0)}, "storey_damping@3", "storey_damping_e@3", 50 / 800 - 1),
-        ({"mass": (98.3, 110.0, 98.3)}, "floor_mass@2", "floor_mass_dm@2", 98.3 - 110),
-    ],
-)
-def test_a_wrong_storey_is_named_whatever_the_damper(
-    measured: dict[str, Record],
-    change: dict[str, tuple[float, float, float]],
-    cause: str,
-    setting: str,
-    value: float,
-) -> None:
-    (one,) = compared(believed(True, **change), measured)
-    assert one.cause == cause
-    assert one.settings is not None
-    assert one.settings[setting] == pytest.approx(value, rel=0.1)
-    assert one.nats > 5
-    assert not one.unexplained
-
-
-def test_an_accelerometer_and_the_displacements_are_told_apart(measured: dict[str, Record]) -> None:
-    (one,) = compared(believed(), altered(measured, "floor2_acceleration_m_s2", 1.2))
+def test_an_accelerometer_and_the_displacements_are_told_apart() -> None:
+    (one,) = compared(believed(), altered(records(), lambda a: 1.2 * a, "floor2_acceleration_m_s2"))
     assert one.cause == "sensor_gain@2"
     assert one.settings == pytest.approx({"sensor_gain_g@2": 1.2}, rel=0.02)
-    late = 5  # samples
-    shifted = {
-        k: r.with_channels(
-            {
-                name: np.concatenate([np.zeros(late), np.asarray(r.channel(name))[:-late]])
-                for name in (f"floor{j}_displacement_m" for j in (1, 2, 3))
-            }
-        )
-        for k, r in measured.items()
-    }
+    shifted = altered(records(), late(5), *(f"floor{j}_displacement_m" for j in (1, 2, 3)))
     (one,) = compared(believed(), shifted)
     assert one.cause == "channel_shift"
     assert one.settings is not None
-    expected = late * measured["off"].sample_time
+    expected = 5 * records()["off"].sample_time
     assert one.settings["channel_shift_d"] == pytest.approx(expected, rel=0.1)
 
 
 @pytest.mark.slow
-def test_numbers_of_the_structure_are_no_unknown_cause(measured: dict[str, Record]) -> None:
+def test_numbers_of_the_structure_are_no_unknown_cause() -> None:
     """Two stiffnesses and a mass that are off: no single effect, and nothing outside the catalogue."""
     believes = believed(True, stiffness=(4.5e5, 8.0e5, 6.84e5), mass=(98.3, 98.3, 110.0))
-    (one,) = compared(believes, measured)
+    (one,) = compared(believes, records())
     assert one.cause is None
     assert one.after < 2 * one.noise < one.before
     assert not one.unexplained
 
 
 @pytest.mark.slow
-def test_a_fault_outside_the_catalogue_changes_no_simulator(measured: dict[str, Record]) -> None:
+def test_a_fault_outside_the_catalogue_changes_no_simulator() -> None:
     """A clipped accelerometer beside a damper whose law is off: neither is mended by something else."""
-    clipped = clipping(measured, 3)
+    clipped = clipping(records(), 3)
     model = believed(False)
     off = {k: 1.3 * v if k.startswith("alpha") else v for k, v in model.parameters.items()}
     case = case_of(replace(model, parameters=off), clipped)
@@ -141,28 +101,24 @@ def test_a_fault_outside_the_catalogue_changes_no_simulator(measured: dict[str, 
 
 
 @pytest.mark.slow
-def test_a_simulator_with_effects_in_its_storeys_is_not_compared(measured: dict[str, Record]) -> None:
+def test_a_simulator_with_effects_in_its_storeys_is_not_compared() -> None:
     """Their balances do not hold them: what `corrected.json` has would be found again."""
     model = believed(True, stiffness=(5.16e5, 8.0e5, 6.84e5))
     mended = replace(model, effects=(*model.effects, Effect("storey_stiffness", {"e": 6.84 / 8 - 1}, 2)))
     for known, count in ((model, 1), (mended, 0)):
-        case = case_of(known, measured)
+        case = case_of(known, records())
         assert len(compared_without_law(case, reduced(case)[1], blocks(case))) == count
 
 
-def test_the_force_sensor_is_told_from_the_storey_that_its_damper_stands_in(measured: dict[str, Record]) -> None:
-    (one,) = compared(believed(), altered(measured, "force_N", 1.2))
+def test_the_force_sensor_is_told_from_the_storey_that_its_damper_stands_in() -> None:
+    (one,) = compared(believed(), altered(records(), lambda f: 1.2 * f, "force_N"))
     assert one.cause == "sensor_gain"
     assert one.settings == pytest.approx({"sensor_gain_g": 1.2}, rel=0.03)
 
 
-def test_floors_without_a_displacement_are_compared_by_their_accelerometers(measured: dict[str, Record]) -> None:
+def test_floors_without_a_displacement_are_compared_by_their_accelerometers() -> None:
     """Storey 1 alone has its drift; a wrong stiffness there is still found."""
-    gone = {"floor2_displacement_m", "floor3_displacement_m"}
-    fewer = {
-        k: Record(r.name, None, r.sample_time, {c: v for c, v in r.channels.items() if c not in gone})
-        for k, r in measured.items()
-    }
+    fewer = without(records(), "floor2_displacement_m", "floor3_displacement_m")
     (one,) = compared(believed(True, stiffness=(6.0e5, 6.84e5, 6.84e5)), fewer)
     assert one.cause == "storey_stiffness@1"
     assert one.settings == pytest.approx({"storey_stiffness_e@1": 5.16 / 6 - 1}, rel=0.1)
@@ -210,7 +166,7 @@ def test_forces_of_a_storey_by_inverse_dynamics(
 def case(stiffer: float = 1.0) -> Case:
     found = records()
     if stiffer != 1:
-        found = altered(found, "floor3_acceleration_m_s2", stiffer)
+        found = altered(found, lambda a: stiffer * a, "floor3_acceleration_m_s2")
     true = case_of(believed(), found)
     own = identify("bingham", damper_alone(true).records, extras=("driver_lag",), starts=2, threads=1).model
     model = replace(true.model, law=own.law, parameters=own.parameters, effects=own.effects)
@@ -239,13 +195,6 @@ def test_another_law_makes_shear_thinning_needless(others: tuple[str, ...]) -> N
     assert found.causes == ("shear_thinning",)
     assert found.others == frozenset(others)
     assert found.gap < 0.2 * found.left  # with the sensor's gain, which alone leaves half
-    assert found.to_dict() == {
-        "law": "modified_bouc_wen",
-        "gap": found.gap,
-        "without": ["shear_thinning"],
-        "gap_with": found.left,
-        "handed_over": False,
-    }
     # The record without a command does not determine the law's dependence on it.
     assert np.all(np.isinf(found.left_out)) if others else found.gap < float(np.max(found.left_out))
 
@@ -263,13 +212,6 @@ def test_a_storeys_cause_of_a_frame_that_is_as_its_baseline() -> None:
         fits, decision = frame_run.judge(search, problem.rig)
         decision = since_baseline(search, baseline, fits, decision)
         assert likely(search, decision, fits, {}).verdict == verdict
-
-
-def test_a_needless_cause_is_unknown() -> None:
-    chosen = Scored(("shear_thinning",), False, 1.0, 1)
-    found = not_established(Decision("effect", chosen, (1.0,), 0.2, 0.1, 1.0, unknown=0.1))
-    assert found.verdict == "unknown"
-    assert found.unknown > 0.5
 
 
 @pytest.mark.slow
@@ -293,18 +235,14 @@ def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPa
     found = diagnose(case())
     assert (found.verdict, found.effects) == ("unknown", ())
     assert found.other_law is not None
-    assert found.other_law["gap"] < 0.5 * found.gap.nominal
     assert found.to_dict()["other_law"] == found.other_law
     assert found.other_law["handed_over"]
     assert found.corrected.law == found.other_law["law"]
     assert not any(e.name == "shear_thinning" for e in found.corrected.effects)
     assert [s.name for s in found.waterfall] == ["nominal", f"law {found.corrected.law}"]
-    assert found.gap.left_out is not None
-    assert found.gap.left_out < 0.5 * found.gap.nominal
-    assert found.gap.corrected == pytest.approx(
-        predicted_gap(found.corrected, Problem(reduced(case())[1])), rel=0.1
-    )
-    assert found.remainder is None or found.remainder.gap == found.gap.left_out
+    left = predicted_gap(found.corrected, Problem(reduced(case())[1]))
+    assert found.gap.corrected == pytest.approx(left, rel=0.1)
+    assert left < 0.5 * found.gap.nominal
     assert f"Another law ({found.other_law['law']})" in found.sentence
     assert found.sentence.endswith("it is handed over.")
 
@@ -337,5 +275,5 @@ def test_only_causes_in_the_form_of_a_law_of_a_measured_damper_are_compared(monk
         with pytest.raises(AssertionError, match="identified"):
             other_law(case(), problem, fitted(problem, name))
     for missing in ("force_N", "floor1_displacement_m"):
-        some = tuple(replace(r, channels={k: v for k, v in r.channels.items() if k != missing}) for r in case().records)
-        assert other_law(replace(case(), records=some), problem, fitted(problem, "shear_thinning")) is None
+        some = case_of(case().model, without(records(), missing))
+        assert other_law(some, problem, fitted(problem, "shear_thinning")) is None

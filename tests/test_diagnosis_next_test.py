@@ -8,22 +8,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+import bingham_rig
 import frame_reference
 from frame_case import believed, case_of, records
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ties import could_hide
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.designs import SECONDS, Design, Envelope, columns, drawn, neighbour
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.next_test import Bench, Pair, Steps, best, next_test
-from mrdamp.model import Model
+from mrdamp.diagnosis.report.next_test import Pair, Steps, next_test
 from mrdamp.model.core import Array
 from mrdamp.records import Record
-from toy_rig import DT, ToyRig, parts, search_of, toy
+from toy_rig import search_of, toy
 
 DAMPER = Envelope("displacement_m", 0.01, 0.12, 0.3, 10.0, 0.2, 1.4, 0.002)
 FRAME = Envelope("ground_acceleration_m_s2", 3.0, None, 0.8, 16.0, 0.0, 1.0, 0.002)
@@ -88,54 +87,10 @@ def test_what_a_test_gains_is_what_least_squares_leaves_more() -> None:
     assert free.gained(j, 0.7 * j[1]) < 1e-6
 
 
-def toy_bench(rig: ToyRig) -> tuple[Bench, Pair]:
-    """The cubic part against the law's gain, on the toy."""
-    law = Hypothesis(rig.nominal)
-    problem = Problem(rig)
-    at = np.zeros(1)
-    residual = problem.residuals(law, at)[0]
-    known = problem.jacobian(law, at, residual).T / problem.weights
-    steps = Steps.of(law, at, slice(None))
-    bench = Bench(rig, law.settings(at), steps, np.array([0.05]))
-    apart = 0.2 * np.concatenate([parts(np.asarray(r.displacement))["cubic"] for r in rig.records])
-    taken = np.concatenate([np.arange(r.n)[problem.taken(k)] + k * r.n for k, r in enumerate(rig.records)])
-    pair = Pair(
-        ("cubic", "none"),
-        {"cubic": 0.2},
-        {"gain": 2.0},
-        Steps((), np.zeros(0)),
-        known / 0.05,
-        apart[taken] / 0.05,
-    )
-    return bench, pair
-
-
-def test_the_best_test_is_better_than_one_at_random() -> None:
-    rig = toy({})
-    bench, pair = toy_bench(rig)
-    found = best(bench, [pair], rig.envelope)
-    rng = np.random.default_rng(8)
-    others = [
-        bench.distances(drawn(rng, rig.envelope).signal(rig.envelope), [pair], fitted=True)[0]
-        for _ in range(40)
-    ]
-    assert found.distances[0] > np.quantile(others, 0.8)
-    again = best(bench, [pair], rig.envelope)
-    np.testing.assert_array_equal(found.signal.motion, again.signal.motion)
-    # Fitted again the gain takes some of the difference away, and no more than all of it.
-    plain = bench.distances(found.signal, [pair], fitted=False)[0]
-    x = found.signal.motion[round(0.1 / DT) :]
-    assert plain == pytest.approx(np.sqrt(np.mean((0.2 * x**3 / 0.05) ** 2)), rel=1e-9)
-    assert 0 < found.distances[0] < plain
-
-
-LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
-
-
 def sines(commands: tuple[float, ...]) -> DamperRig:
     """A damper that the simulator matches, shaken by sines at constant commands."""
     t = 0.002 * np.arange(1200)
-    model, records = Model("bingham", LAW), []
+    model, records = bingham_rig.model(), []
     rng = np.random.default_rng(3)
     for k, command in enumerate(commands):
         x = 0.008 * np.sin(2 * np.pi * (0.8 + 0.7 * k) * t)

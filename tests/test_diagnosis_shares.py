@@ -3,31 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from bingham_rig import LAW, model
 from mrdamp.diagnosis.attribution.interfaces import parts
-from mrdamp.diagnosis.attribution.shares import Measured
-from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.damper_run import judge
-from mrdamp.diagnosis.evidence.resample import draws, spread
+from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.model import Model
 from mrdamp.records import Record
 from studies.blindtest import rig as reference
 from studies.blindtest.bench import Truth, damper_channels, logged
 from studies.blindtest.excitation import GRID_HZ, Excitation
 from toy_rig import ToyRig, search_of, toy
 
-LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
 NOISE = 4.0  # N
 
 
@@ -86,7 +82,7 @@ STIFF = {"c0a": 900.0, "c0b": 1000.0}
 )
 def test_measured_signals_part_the_chain(inner: dict[str, float], outside: dict[str, float]) -> None:
     made = measured(inner, outside, BOTH)
-    found = parts(DamperRig(Model("bingham", LAW), made.records), NOISE)
+    found = parts(DamperRig(model(), made.records), NOISE)
     assert [m.stages for m in found.found] == [
         ("driver",), ("magnetics", "fluid", "mechanics", "mount"), ("sensor",),
     ]  # fmt: skip
@@ -99,30 +95,28 @@ def test_measured_signals_part_the_chain(inner: dict[str, float], outside: dict[
 
 def test_noise_of_the_own_sensor_is_no_fault_of_it() -> None:
     made = measured(STIFF, {}, BOTH, noise=8.0)
-    rig = DamperRig(Model("bingham", LAW), made.records)
+    rig = DamperRig(model(), made.records)
     assert abs(parts(rig, 8.0).found[2].share) < 0.08
     assert parts(rig, 0.0).found[2].share > 0.15
     # And where there is nothing but noise, nothing is shared.
     still = measured({}, {}, BOTH, noise=8.0)
-    assert parts(DamperRig(Model("bingham", LAW), still.records), 8.0).found == ()
+    assert parts(DamperRig(model(), still.records), 8.0).found == ()
 
 
 def test_what_is_not_measured_stays_together_and_says_what_would_part_it() -> None:
-    model = Model("bingham", LAW)
-    current = parts(DamperRig(model, measured(LAG, {}, ("current_A",)).records), NOISE).found
+    current = parts(DamperRig(model(), measured(LAG, {}, ("current_A",)).records), NOISE).found
     assert [m.stages[0] for m in current] == ["driver", "magnetics"]
     assert current[0].share == pytest.approx(1.0, abs=0.05)
     assert current[1].part_by == "reference_force_N"
-    load = parts(DamperRig(model, measured(LAG, {}, ("reference_force_N",)).records), NOISE).found
+    load = parts(DamperRig(model(), measured(LAG, {}, ("reference_force_N",)).records), NOISE).found
     assert [m.part_by for m in load] == ["current_A", ""]
-    assert parts(DamperRig(model, measured(LAG, {}, ()).records), NOISE).found == ()
+    assert parts(DamperRig(model(), measured(LAG, {}, ()).records), NOISE).found == ()
 
 
 def test_a_current_in_another_unit_than_the_command_counts_by_its_shape() -> None:
     made = measured(LAG, {}, ("current_A",))
     scaled = tuple(r.with_channels({"current_A": 0.5 * r.channel("current_A")}) for r in made.records)
-    model = Model("bingham", LAW)
-    plain, other = (parts(DamperRig(model, records), NOISE).found for records in (made.records, scaled))
+    plain, other = (parts(DamperRig(model(), records), NOISE).found for records in (made.records, scaled))
     assert other[0].share == pytest.approx(plain[0].share, abs=0.15)
 
 
@@ -196,19 +190,6 @@ def test_noise_that_is_alike_from_sample_to_sample_widens_an_interval() -> None:
     assert np.median(ratio) > 3.0
 
 
-def test_draws_of_parameters_belong_together() -> None:
-    """Gain and cubic part trade off, so that drawn apart they would answer what no draw does."""
-    rig = toy({"cubic": 0.3}, 0.4)
-    problem = Problem(rig)
-    hypothesis = Hypothesis(rig.nominal, tuple(t for t in rig.terms if t.effect == "cubic"))
-    around = spread(problem, fit(problem, hypothesis, hypothesis.start(), tolerance=1e-8))
-    assert np.all(draws(36).sum(axis=1) == 36)
-    table = np.array([[s["gain"], s["cubic"]] for s in islice(around.settings(), 200)])
-    assert np.corrcoef(table.T)[0, 1] < -0.7
-    low, high = around.intervals()["gain"]
-    assert np.mean((table[:, 0] >= low) & (table[:, 0] <= high)) > 0.9
-
-
 def test_what_the_records_do_not_show_has_its_whole_range_as_its_interval() -> None:
     """An offset that no sample sees, beside the gain."""
     rig = toy({"gain": 2.2})
@@ -220,23 +201,3 @@ def test_what_the_records_do_not_show_has_its_whole_range_as_its_interval() -> N
     ends = spread(problem, found_both).intervals()
     assert ends["offset"] == pytest.approx((-4.8, 2.8), abs=0.01)  # 95 % of the range
     assert ends["gain"] == pytest.approx(spread(problem, found).intervals()["gain"])
-
-
-def test_what_was_measured_goes_before_what_comes_near() -> None:
-    search = searched({"outside": 1.2}, 0.02)
-    fits, decision = judge(search)
-    chosen = fits[decision.chosen.index]
-    assert decision.verdict == "unknown"
-    near = {"driver": 0.1, "fluid": 0.3, "mechanics": 0.2, "sensor": 0.4}
-    evidence = StageEvidence(tuple(near), np.log(np.tile(list(near.values()), (401, 1))))
-    parted = (
-        Measured("a", ("driver", "fluid", "mechanics"), 0.9, (0.8, 1.0)),
-        Measured("b", ("sensor",), 0.1, (0.0, 0.2)),
-    )
-    drawn = np.column_stack([np.linspace(0.8, 1.0, 400), np.linspace(0.2, 0.0, 400)])
-    shares, found = stage_shares(search, chosen, "unknown", parted, drawn, evidence)
-    assert shares["sensor"] == pytest.approx(0.1)
-    assert shares["fluid"] / shares["mechanics"] == pytest.approx(1.5)
-    low, high = found["sensor"]
-    assert low == pytest.approx(0.005, abs=0.01)
-    assert high == pytest.approx(0.195, abs=0.01)
