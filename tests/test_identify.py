@@ -6,16 +6,14 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from threadpoolctl import threadpool_info  # type: ignore[import-untyped]
 
-from excitation import from_rest, multisine, random_steps, sine, wave
-from laboratory import TRUE, rig_tests
+from excitation import random_steps, sine
+from laboratory import TRUE, identifiable, rig_tests
 from mrdamp import sets
 from mrdamp.cli import main
 from mrdamp.identify import Fit, error, identify
@@ -85,16 +83,6 @@ def test_a_law_does_not_depend_on_where_its_records_were_cut() -> None:
 
 # --- a fit that starts 40 % off: records of SciPy ------------------------------------------------------
 
-# z ends at 1 (A = beta + gamma), as the search has it.
-AIMED: Mapping[str, Mapping[str, float]] = {
-    "bingham": {"c0a": 400.0, "c0b": 250.0, "fya": 40.0, "fyb": 300.0, "v_ref": 0.01},
-    "bouc_wen": {"c0a": 500.0, "c0b": 400.0, "alpha_a": 60.0, "alpha_b": 500.0, "gamma": 900.0, "beta": 600.0}
-    | {"A": 1500.0, "n": 1.5, "k0": 4000.0, "x0": 0.0},
-    "modified_bouc_wen": {"c0a": 400.0, "c0b": 500.0, "c1a": 5e3, "c1b": 2e4, "alpha_a": 60.0, "alpha_b": 500.0}
-    | {"gamma": 900.0, "beta": 600.0, "A": 1500.0, "n": 1.5, "k0": 1500.0, "k1": 2000.0, "x0": 0.0},
-    "hyperbolic_tangent": {"k1a": 1.5e5, "k1b": 1e5, "k0a": 4000.0, "k0b": 0.0, "c0a": 400.0, "c0b": 300.0}
-    | {"c1a": 400.0, "c1b": 200.0, "m0": 0.5, "f0a": 60.0, "f0b": 500.0, "v_ref": 0.006},
-}
 #: What the records determine well: the rest is weak in them, or trades against it.
 SURE: Mapping[str, tuple[str, ...]] = {
     "bingham": ("c0a", "c0b", "fya", "fyb", "v_ref"),
@@ -104,30 +92,16 @@ SURE: Mapping[str, tuple[str, ...]] = {
 }
 
 
-@cache
-def multisines(law: str) -> tuple[Record, ...]:
-    """Three records of 2 s at 500 Hz, noise of 0.5 %, of a motion from rest."""
-    out = []
-    for seed in range(3):
-        t = 0.002 * np.arange(1000, dtype=np.float64)
-        motion, command = from_rest(multisine(0.004, 0.5, 5.0, seed=seed), 0.3), wave(0.0, 1.0, 0.7 + 0.2 * seed)
-        force = simulate(law, AIMED[law], motion, t, command, rtol=1e-6)["force"]
-        force = force + np.random.default_rng(seed).normal(0.0, 0.005 * float(force.std()), len(t))
-        x, v, _ = motion.sample(t)
-        channels = {"displacement_m": x, "velocity_m_s": v, "command": command.sample(t), "force_N": force}
-        out.append(Record(f"{law}_{seed}", None, 0.002, channels))
-    return tuple(out)
-
-
 @pytest.mark.parametrize("factor", [pytest.param(0.6, marks=pytest.mark.slow), 1.4])
-@pytest.mark.parametrize("law", AIMED)
+@pytest.mark.parametrize("law", SURE)
 def test_a_start_forty_percent_off_arrives(law: str, factor: float) -> None:
-    true = AIMED[law]
+    true = identifiable(law)
     start = {name: value if name in ("n", "x0") else factor * value for name, value in true.items()}
     if "n" in true:
         start["n"] = 1.0 + factor * (true["n"] - 1.0)
-    train, held = multisines(law)[:2], multisines(law)[2:]
-    fit = identify(law, train, held, extras=(), start=start, starts=1)
+    records = rig_tests(law, noise=0.005, dt=0.002)
+    held = [records.pop(4)]
+    fit = identify(law, records, held, extras=(), start=start, starts=1)
     assert fit.held_out_nrmse < 0.01
     for name in SURE[law]:
         assert fit.model.parameters[name] == pytest.approx(true[name], rel=0.1), name
@@ -157,23 +131,6 @@ def test_steps_are_those_of_scipy(start: tuple[float, float, float]) -> None:
     )
     assert found.x == pytest.approx(whole.x, abs=1e-12)
     assert (found.nfev, found.status) == (whole.nfev, whole.status)
-
-
-def test_no_residual_is_computed_twice_and_blas_keeps_to_a_thread() -> None:
-    seen: list[bytes] = []
-    threads: set[int] = set()
-
-    def counted(p: Array) -> Array:
-        seen.append(p.tobytes())
-        threads.update(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
-        return residual(p)
-
-    found = bounded_least_squares(
-        counted, jacobian, np.array([0.5, 0.4, 0.62]), bounds=(0, 1), most=20, ftol=1e-8, xtol=1e-8
-    )
-    assert found.success
-    assert len(seen) == len(set(seen)) == found.nfev
-    assert threads <= {1}
 
 
 DT = 1e-3

@@ -192,17 +192,6 @@ def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureF
         refuses(lambda w=words: run("calibrate", *w), said)  # type: ignore[misc]
 
 
-def test_the_embedded_sensor(capsys: pytest.CaptureFixture[str]) -> None:
-    """Its generator's leakage of 45 s; the paper's five currents beside its five values."""
-    assert run("calibrate") == 0
-    text = capsys.readouterr().out
-    assert "charge leakage: time constant 4" in text
-    rows = [line.split() for line in text.splitlines() if "the paper's damper" in line]
-    assert [(row[1], row[-2]) for row in rows] == [
-        ("0", "3.89"), ("0.25", "2.70"), ("0.5", "2.30"), ("0.75", "2.46"), ("1", "2.39"),
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("call", "said"),
     [

@@ -10,14 +10,12 @@ from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
 from excitation import Array
-from mrdamp.model import core
 from mrdamp.narx.bayes import effective, minimise
 from mrdamp.narx.data import lagged
 from mrdamp.narx.network import Network, regressors
 from mrdamp.narx.problems import FreeRun, OneStep
 from mrdamp.narx.prune import compact
-from narx_data import made, motion, small
-from networks import twin
+from narx_data import made, small
 from refusals import refuses
 
 SHAPES: tuple[tuple[int, ...], ...] = ((), (5,), (4, 3))
@@ -72,17 +70,12 @@ def test_segments_start_from_measured_forces_and_never_leave_their_record() -> N
 
 
 @pytest.mark.parametrize("hidden", SHAPES, ids=str)
-def test_text_round_trip_and_free_run_are_the_plugins(hidden: tuple[int, ...]) -> None:
-    net = small(hidden, seed=5).with_theta(0.6 * small(hidden, seed=5).theta)
+def test_text_round_trip(hidden: tuple[int, ...]) -> None:
+    net = small(hidden, seed=5)
     again = Network.from_text(net.to_text())
     assert again.to_text() == net.to_text()
     assert again.inputs == net.inputs
     np.testing.assert_array_equal(again.theta, net.theta)
-    x, v, i = motion(400, net.sample_time, 3)
-    mine = twin(net).free_run(x, v, i)
-    assert np.std(mine) > 20.0
-    c = core.run("narx", {}, net.sample_time, x, v, u=i, narx=core.Narx(net.to_text()))["force"]
-    np.testing.assert_allclose(mine, c, rtol=0.0, atol=1e-9 * float(np.std(mine)))
 
 
 def test_lag_space_and_what_lies_before_a_record() -> None:

@@ -217,25 +217,6 @@ def test_any_cells_are_read_or_refused(changes: list[tuple[int, int, str]]) -> N
     parses_or_refuses("a.csv", "\n".join(",".join(row) for row in rows).encode("utf-8", "surrogatepass"))
 
 
-@settings(max_examples=150, deadline=None)
-@given(st.data())
-def test_any_damage_is_read_or_refused(data: st.DataObject) -> None:
-    packed = data.draw(st.booleans())
-    text = "\n".join(table(15)).encode()
-    raw = bytearray(gzip.compress(text, mtime=0) if packed else text)
-    for _ in range(data.draw(st.integers(1, 4))):
-        place = data.draw(st.integers(0, len(raw) - 1))
-        kind = data.draw(st.integers(0, 2))
-        if kind == 0:
-            raw[place] = data.draw(st.integers(0, 255))
-        elif kind == 1:
-            raw[place:place] = data.draw(st.binary(max_size=4))
-        elif len(raw) > 1:
-            del raw[place:]
-            raw = raw or bytearray(b"x")
-    parses_or_refuses("a.csv.gz" if packed else "a.csv", bytes(raw))
-
-
 def test_an_epochs_clock_keeps_its_steps() -> None:
     t = np.asarray(1.7e9 + 0.002 * np.arange(500), dtype=np.float64)
     columns = {"time_s": t, "displacement_m": np.zeros(500), "command": np.zeros(500)}
