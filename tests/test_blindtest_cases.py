@@ -181,6 +181,7 @@ def test_rig_shares_no_code_with_the_plugin() -> None:
     assert included == {"#include <math.h>", "#include <string.h>"}
 
 
+# --- effects in time, by closed forms ---------------------------------------------------------------------
 Numbers = Mapping[str, float]
 
 

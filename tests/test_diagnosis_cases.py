@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from bingham_rig import write_case
+from modules import CASES, needs
 from mrdamp import cli
 from mrdamp.model import Model
 from mrdamp.records.csv_file import render
 from mrdamp.simulation.predict import predict
 from record_tables import channels_by_test
 
-CASES = Path(__file__).parents[2] / "shared" / "cases"
 DAMPER = [f"open_{k:02d}" for k in range(1, 11)]
 
 
@@ -134,7 +134,7 @@ def check(name: str, out: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not CASES.is_dir(), reason="needs the folder ../shared/cases")
+@needs(CASES)
 def test_a_slow_coil_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     check("open_03", tmp_path / "out")
     text = capsys.readouterr().out
@@ -153,14 +153,14 @@ def test_a_slow_coil_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not CASES.is_dir(), reason="needs the folder ../shared/cases")
+@needs(CASES)
 @pytest.mark.parametrize("name", [n for n in DAMPER if n != "open_03"])
 def test_open_cases(name: str, tmp_path: Path) -> None:
     check(name, tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not CASES.is_dir(), reason="needs the folder ../shared/cases")
+@needs(CASES)
 @pytest.mark.parametrize("name", ["open_04", "open_frame_05"])
 def test_one_worker_and_two_give_the_same_answer(name: str, tmp_path: Path) -> None:
     one, two = (diagnosed(name, tmp_path / jobs, "--jobs", jobs) for jobs in ("1", "2"))

@@ -119,6 +119,7 @@ def test_what_all_masses_and_stiffnesses_share_is_no_deviation(shared: float) ->
     np.testing.assert_allclose(found.values, expected, atol=1e-12)
 
 
+# --- causes that end where they are another one -----------------------------------------------------------
 def rig_with(*others: str) -> DamperRig:
     """A damper with other channels that read the force beside the force sensor."""
     t = 0.002 * np.arange(1000)
@@ -241,6 +242,7 @@ def test_at_one_command_a_coefficient_is_known_as_a_whole_only() -> None:
     assert set(found.intervals) == {"fya", "c0a", "v_ref"}
 
 
+# --- a controller's clock in a delay, read off what a plain delay leaves ----------------------------------
 DT, NOISE = 2e-3, 3.0
 TIME: Array = DT * np.arange(3000, dtype=np.float64)
 DELAY, PERIOD, PHASE = 0.021, 0.0137, 0.4

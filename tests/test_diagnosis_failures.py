@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from scipy.signal import butter, resample_poly, sosfilt, sosfiltfilt
 
 from bingham_rig import LAW, force, write_case
 from frame_case import DT, believed, records
+from modules import DATA, needs
 from mrdamp import cli
 from mrdamp.cli import main as mrdamp
 from mrdamp.commands import diagnosis as command
@@ -167,7 +167,7 @@ def test_channels_that_a_case_leaves_out_are_told_of(tmp_path: Path, capsys: pyt
     ]
 
 
-DATA = Path(os.environ.get("MRDAMP_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+# --- regimes beyond the baseline, and processing ----------------------------------------------------------
 
 
 def sine(amplitude: float, frequency: float, command: float) -> Record:
@@ -214,7 +214,7 @@ def test_records_beyond_are_left_out_with_their_repeats_unless_all_are() -> None
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not (DATA / "utfsm").is_dir(), reason="no measured records of utfsm here")
+@needs(DATA / "utfsm")
 def test_no_change_is_named_in_a_sweep_of_an_unchanged_rig_beyond_its_baseline(tmp_path: Path) -> None:
     """Sines of 5 to 25 mm are the baseline, the sweep has 2 mm: a seal friction of 183 N was told."""
     sines = sorted((DATA / "utfsm" / "train").glob("*"))
@@ -260,7 +260,7 @@ def test_processing_is_told_by_its_spectrum(process: Callable[[Array], Array], t
     assert processing(process(clean + noise)) == told
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="needs the measured records of ../shared/data")
+@needs(DATA)
 def test_no_processing_is_told_of_raw_channels() -> None:
     """The owners of these three rigs logged their channels as they are."""
     records = [read_record(p) for rig in ("utfsm", "utfpr", "nees") for p in (DATA / rig).glob("*/*.csv.gz")]

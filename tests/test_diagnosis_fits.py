@@ -196,6 +196,7 @@ def test_a_free_law_gets_what_it_changed_and_not_what_it_could_take() -> None:
     assert found[0] > 10 * found[1]
 
 
+# --- data left out of a fit -------------------------------------------------------------------------------
 def linear(records: int) -> tuple[Problem, Fit, Array, Array]:
     """A toy that is linear in its terms, fitted; the matrix (samples, 2) and the right side of its least squares."""
     rig = toy({"cubic": 0.3, "offset": 0.1}, noise=0.3, records=records)

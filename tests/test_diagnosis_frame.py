@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from frame_case import DT, LAW, altered, believed, case_of, late, records, without
+from modules import CASES, needs
 from mrdamp.diagnosis.attribution.frame_blocks import blocks, place_shares
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
@@ -166,7 +167,6 @@ def test_a_storeys_share_has_an_interval() -> None:
     assert place_shares([b for b in found if b.clean])[1] == {}
 
 
-SOIL = Path(__file__).parents[2] / "shared" / "cases" / "faults" / "19_soil"
 LATE = 5  # samples
 
 
@@ -183,10 +183,10 @@ def test_a_late_ground_channel_is_the_nearest_cause() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not SOIL.is_dir(), reason="needs the folder ../shared/cases")
+@needs(CASES)
 def test_soil_that_sways_and_rocks_is_no_storey() -> None:
     """Base 100 kg, 4 MN/m, 2 kN s/m, by another integrator; rocking by an inertia and a spring in kg m2 and N m/rad."""
-    found = diagnose(read_case(SOIL), jobs=2)
+    found = diagnose(read_case(CASES / "faults" / "19_soil"), jobs=2)
     assert found.verdict == "unknown"
     assert found.outside is not None
     assert (found.outside["cause"], found.outside["form"]) == ("foundation", "that sways and rocks")

@@ -13,7 +13,7 @@ from mrdamp.diagnosis.constants import MATERIAL, UNSTEADY
 from mrdamp.diagnosis.evidence import judgement
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
 from mrdamp.diagnosis.evidence.further import with_further
-from mrdamp.diagnosis.evidence.judgement import decided, likely, never_worse, scored
+from mrdamp.diagnosis.evidence.judgement import decided, likely, never_worse
 from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.final import FinalFit
@@ -78,28 +78,6 @@ def test_no_second_cause_is_added(noise: float, truth: dict[str, float], verdict
     assert search.inexact is (floor < 1)
     decision = replace(decision, verdict=verdict)
     assert with_further(search, fits, decision) == (fits, decision)
-
-
-@pytest.mark.parametrize("own", [0.0, 1e-3])
-def test_a_cause_is_handed_over_with_the_parameters_that_it_had_bent(own: float) -> None:
-    """The nominal gain is 2, the rig's 2.6: the search fitted the cubic term with the nominal gain alone. A baseline
-    (own) determines the gain."""
-    search = Search(
-        Problem(toy({"gain": 2.6, "cubic": 0.8, "outside": 0.1}, records=6, noise=0.02)), 1e-6, own=own
-    )
-    search.extend(False, 1)
-    fits = search.ranked(False)
-    index = next(k for k, f in enumerate(fits) if f.hypothesis.causes == ("cubic",))
-    held = replace(scored([fits[index]])[0], index=index)
-    decision = Decision("effect", held, tuple(1 / len(fits) for _ in fits), 0.1, 1e-6, search.excess)
-    more, after = with_further(search, fits, decision)
-    found = more[after.chosen.index]
-    assert found.hypothesis.causes == ("cubic",)
-    assert bool(found.hypothesis.nominal) is (own == 0.0)
-    if not own:
-        assert found.settings["gain"] == pytest.approx(2.6, rel=0.02)
-        assert after.unexplained < decision.unexplained
-        assert len(after.probabilities) == len(more)
 
 
 @pytest.fixture(scope="module")
@@ -238,19 +216,6 @@ def test_a_wrong_cause_changes_with_the_regime() -> None:
     lowest, highest = (pick(rows, key=lambda r: r.parameters["cubic"]) for pick in (min, max))
     assert highest.parameters["cubic"] > 1.1 * lowest.parameters["cubic"]
     assert lowest.intervals["cubic"][1] < highest.intervals["cubic"][0]
-
-
-def test_a_regime_that_does_not_determine_a_parameter_is_marked() -> None:
-    """The first record stands still: a hysteresis has no sign there."""
-    rig = toy({"sign": 0.3}, n=500)
-    first = rig.records[0]
-    still = replace(first, channels=dict(first.channels) | {"displacement_m": np.full(first.n, 0.5)})
-    rig = replace(rig, records=(still, *rig.records[1:]))
-    hypothesis = Hypothesis(rig.nominal, tuple(t for t in rig.terms if t.effect == "sign"))
-    problem = Problem(rig)
-    found = fit(problem, hypothesis, hypothesis.start())
-    rows = by_regime(problem, found, "sign")
-    assert [r.records for r in rows if not r.determined] == [(first.name,)]
 
 
 def test_a_wrong_law_widens_the_interval_of_a_named_cause() -> None:

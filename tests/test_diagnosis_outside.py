@@ -167,6 +167,7 @@ def test_an_end_stop_is_owned_to_be_none_of_the_catalogue(tmp_path: Path) -> Non
     assert not any(name.startswith("outside") for e in found.corrected.effects for name in e.parameters)
 
 
+# --- the stage of a cause that no catalogue has -----------------------------------------------------------
 DT, NOISE, SIZE = 4e-3, 3.0, 0.014
 TIME = DT * np.arange(1500)
 #: Amplitudes, angular frequencies and commands of the records.

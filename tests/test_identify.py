@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 
 from excitation import random_steps, sine
 from laboratory import TRUE, identifiable, rig_tests
+from modules import CASES, needs
 from mrdamp import sets
 from mrdamp.cli import main
 from mrdamp.identify import Fit, error, identify
@@ -70,13 +71,11 @@ def test_steps_grow_with_slow_motions() -> None:
         assert slow[name] == pytest.approx(one[name], rel=0.02), name
 
 
-FAULT = Path(__file__).parents[2] / "shared" / "cases" / "faults" / "03_start_in_motion"
-
-
-@pytest.mark.skipif(not FAULT.is_dir(), reason="shared/cases is not there")
+@needs(CASES)
 def test_a_law_does_not_depend_on_where_its_records_were_cut() -> None:
     """Four cuts of one test of one damper, whose loops differ by .6 %."""
-    first, *others = [read_record(f) for which in ("base", "new") for f in sorted((FAULT / which).glob("*.csv"))]
+    folder = CASES / "faults" / "03_start_in_motion"
+    first, *others = [read_record(f) for which in ("base", "new") for f in sorted((folder / which).glob("*.csv"))]
     fit = identify("bouc_wen", [first], others, starts=4, extras=("offset",))
     assert fit.held_out_nrmse < 1.25 * error(fit.model, first).nrmse
 

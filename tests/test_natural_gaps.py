@@ -9,7 +9,6 @@ Signatures of loops whose size is known, and the delay of a displacement by the 
 from __future__ import annotations
 
 import fnmatch
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from modules import CASES, DATA, needs
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.channels.motion import motion
 from mrdamp.diagnosis.fits.stall import Stalls
@@ -29,9 +29,6 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record, read_record
 from record_tables import channels_by_test
-
-SHARED = Path(__file__).resolve().parents[2] / "shared"
-DATA = Path(os.environ.get("MRDAMP_DATA", SHARED / "data"))
 
 #: Set, law, dependence, extras, every so many samples; effects one of which is named; and a mark for the error on kept
 #: records (RMS over records of the error over the force's deviation), that of a least-squares run with the effect.
@@ -63,7 +60,7 @@ def error(model: Model, kept: Sequence[Record]) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not DATA.is_dir(), reason="needs the measured records of ../shared/data")
+@needs(DATA)
 @pytest.mark.parametrize("rig", list(RIGS))
 def test_the_documented_cause_of_a_measured_rig_is_fitted_along(rig: str) -> None:
     name, law, dependence, extras, every, cause, mark = RIGS[rig]
@@ -82,7 +79,7 @@ def short_strokes() -> list[Record]:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not (SHARED / "cases" / "faults").is_dir(), reason="needs the cases of ../shared")
+@needs(CASES)
 @pytest.mark.parametrize(
     ("case", "effect", "parameter", "size", "again"),
     [
@@ -95,21 +92,18 @@ def short_strokes() -> list[Record]:
 def test_what_has_changed_on_a_rig_of_another_integrator(
     case: str, effect: str, parameter: str, size: float, again: bool
 ) -> None:
-    found = diagnose(read_case(SHARED / "cases" / "faults" / "21_damper_rig" / case))
+    found = diagnose(read_case(CASES / "faults" / "21_damper_rig" / case))
     assert [e.effect for e in found.effects] == [effect]
     assert found.effects[0].parameters[parameter] == pytest.approx(size, rel=0.03)
     assert found.question == "changed"
     assert (found.baseline_law is not None) is again
 
 
-CASES = Path(__file__).parents[2] / "shared" / "cases"
-
-
 def off(a: Array, b: Array) -> float:
     return float(np.sqrt(np.mean((a - b)[50:] ** 2) / np.mean(b[50:] ** 2)))
 
 
-@pytest.mark.skipif(not CASES.is_dir(), reason="needs the folder ../shared/cases")
+@needs(CASES)
 @pytest.mark.parametrize("name", [c.name for c in sorted((CASES / "open").glob("*"))])
 def test_the_nominal_simulator_of_a_case_is_that_of_its_maker(name: str) -> None:
     model, most = Model.read(CASES / "open" / name), 0.01
@@ -188,7 +182,7 @@ def test_signatures_stand_side_by_side() -> None:
     assert [force.nominal, force.corrected] == pytest.approx([100, 90])
 
 
-@pytest.mark.skipif(not (DATA / "arts").is_dir(), reason="no measured records of the friction damper here")
+@needs(DATA / "arts")
 def test_the_documented_clearance_of_a_friction_damper_is_seen() -> None:
     """A fit by hand gives 3.66 mm, at every frequency and stroke (shared/design/natural_gaps.md); a damper without a
     clearance has a hundredth of that."""
@@ -244,7 +238,7 @@ def test_channels_in_step_and_single_frequencies_tell_nothing() -> None:
     assert motion([plain, without], [LATE], {}) == []
 
 
-@pytest.mark.skipif(not (DATA / "nees").is_dir(), reason="no measured records with an accelerometer here")
+@needs(DATA / "nees")
 def test_a_measured_displacement_that_is_made_later_is_found_so_much_later() -> None:
     measured = [read_record(f) for f in sorted((DATA / "nees" / "train").glob("*.csv*"))[:2]]
 

@@ -6,7 +6,6 @@ And the kept results of tools/paper_pages.py: what its commands give.
 from __future__ import annotations
 
 import json
-import os
 import platform
 import re
 import sys
@@ -21,7 +20,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from excitation import Array
-from modules import TOOLS, loaded
+from modules import DATA, TOOLS, loaded
 from mrdamp.identify import identify
 from mrdamp.identify.by_command import identify_by_command
 from mrdamp.identify.calibration import PAPER_DELTA_2, frequency_of
@@ -35,7 +34,6 @@ from mrdamp.narx.train import blank
 from mrdamp.records import Record, embedded
 
 VOLTAGES = (0.6, 1.2, 2.0)  # below the field's saturation
-DATA = Path(os.environ.get("MRDAMP_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
 sys.path.append(str(TOOLS))  # the pages' tool imports tools beside it
 PAGES = loaded(TOOLS / "paper_pages.py")
 RUNS: Mapping[str, str] = PAGES.RUNS

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from modules import SHARED, needs
 from mrdamp import datasets
 from mrdamp.cli import main
 from mrdamp.datasets import CATALOGUE, Dataset, Source, fetch
@@ -226,7 +227,6 @@ def test_the_share_of_a_stroke_grows_from_each_turn() -> None:
     assert share_of_stroke(bent)[60:100] == pytest.approx(up[60:100] / 10)
 
 
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 # The first lines of the public file of that name.
 TABLE = """\
    0.0000000e+00   4.2749043e-03   1.0100000e+00   2.5208754e+01
@@ -338,11 +338,11 @@ def test_the_catalogue_says_what_a_user_needs() -> None:
     assert len(CATALOGUE["utfsm"].source.files) == 30  # type: ignore[union-attr]
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs the folder ../shared/data")
+@needs(SHARED / "data")
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_measured_sets_are_what_the_catalogue_says(name: str) -> None:
-    known, found = CATALOGUE[name], datasets.read(name, SHARED)
-    assert datasets.found(SHARED)[name] == len(found) > 0
+    known, found = CATALOGUE[name], datasets.read(name, SHARED / "data")
+    assert datasets.found(SHARED / "data")[name] == len(found) > 0
     for record in found:
         assert set(record.channels) <= set(known.channels)
         assert {"time_s", "displacement_m", "command", "force_N"} <= set(record.channels)
