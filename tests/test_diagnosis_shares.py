@@ -14,7 +14,6 @@ from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
-from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -22,7 +21,7 @@ from mrdamp.records import Record
 from studies.blindtest import rig as reference
 from studies.blindtest.bench import Truth, damper_channels, logged
 from studies.blindtest.excitation import GRID_HZ, Excitation
-from toy_rig import ToyRig, search_of, toy
+from toy_rig import ToyRig, searched, toy
 
 NOISE = 4.0  # N
 
@@ -118,12 +117,6 @@ def test_a_current_in_another_unit_than_the_command_counts_by_its_shape() -> Non
     scaled = tuple(r.with_channels({"current_A": 0.5 * r.channel("current_A")}) for r in made.records)
     plain, other = (parts(DamperRig(model(), records), NOISE).found for records in (made.records, scaled))
     assert other[0].share == pytest.approx(plain[0].share, abs=0.15)
-
-
-def searched(truth: dict[str, float], noise: float) -> Search:
-    search = search_of(toy(truth, noise), noise)
-    search.run()
-    return search
 
 
 def test_intervals_of_shares_hold_the_shares_and_widen_with_the_noise() -> None:

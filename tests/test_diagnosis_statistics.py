@@ -11,17 +11,12 @@ import pytest
 
 from mrdamp.diagnosis.attribution.stages import regimes
 from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.constants import LAPSE
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ceiling import ceiling
 from mrdamp.diagnosis.evidence.judgement import with_nearest
 from mrdamp.diagnosis.evidence.ties import unseen
-from mrdamp.diagnosis.evidence.verdict import (
-    Scored,
-    by_causes,
-    decide,
-    of_cause,
-)
-from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.evidence.verdict import Scored, by_causes, decide, lapse_of, of_cause
 from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
@@ -29,15 +24,9 @@ from mrdamp.records.motion import stroke_since_reversal
 from mrdamp.records.sampling import memory
 from mrdamp.records.smoothing import noise_level, smoothed
 from mrdamp.records.upsampling import repaired_ends, upsampled
-from toy_rig import search_of, toy
+from toy_rig import search_of, searched, toy
 
 RNG = np.random.default_rng(5)
-
-
-def searched(truth: dict[str, float], noise: float = 0.02) -> Search:
-    search = search_of(toy(truth, noise), noise)
-    search.run()
-    return search
 
 
 def test_gaps_of_the_nominal_are_what_the_truth_says() -> None:
@@ -231,6 +220,21 @@ def test_what_is_left_decides(
     found = decide(scored, floor, **options)
     assert (found.verdict, found.chosen.causes) == (verdict, causes)
     assert found.chosen.free or scored is not OFF
+
+
+@pytest.mark.parametrize(("times", "unknown"), [(1.0, 0.0), (1.375, 0.2), (1.75, 0.5)])
+def test_no_gap_is_less_certain_the_nearer_its_limit_is(times: float, unknown: float) -> None:
+    """x^2 / (1 + x^2) for the share x of the way from the baseline's squares to 1.75 times them."""
+    found = decide([Scored((), False, times * 0.02, 0)], 0.01, own=0.02)
+    assert found.verdict == "none"
+    assert found.unknown == pytest.approx(unknown)
+
+
+def test_beside_a_wrong_law_an_answer_without_a_cause_lapses_more_and_a_contradicted_one_most() -> None:
+    beside = {v: lapse_of(v, inexact=True, worse=False) for v in ("effect", "parameters", "unknown", "none")}
+    assert beside["effect"] == beside["parameters"] == LAPSE < beside["unknown"] == beside["none"]
+    assert lapse_of("effect", inexact=True, worse=True) > beside["none"]
+    assert {lapse_of(v, inexact=False, worse=w) for v in beside for w in (True, False)} == {LAPSE}
 
 
 def test_probabilities_are_even_between_equals() -> None:

@@ -125,3 +125,10 @@ def search_of(rig: ToyRig, noise: float = 0.02) -> Search:
     """A search that has tried no cause yet, told of the noise."""
     problem = Problem(rig)
     return Search(problem, sum((noise / b.size) ** 2 for b in problem.blocks))
+
+
+def searched(truth: Settings, noise: float = 0.02) -> Search:
+    """A search that has gone through the catalogue, on records that the truth has made."""
+    search = search_of(toy(truth, noise), noise)
+    search.run()
+    return search
