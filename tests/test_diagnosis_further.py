@@ -13,7 +13,7 @@ from mrdamp.diagnosis.constants import MATERIAL, UNSTEADY
 from mrdamp.diagnosis.evidence import judgement
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
 from mrdamp.diagnosis.evidence.further import with_further
-from mrdamp.diagnosis.evidence.judgement import decided, likely, never_worse
+from mrdamp.diagnosis.evidence.judgement import decided, likely, never_worse, scored
 from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.final import FinalFit
@@ -78,6 +78,41 @@ def test_no_second_cause_is_added(noise: float, truth: dict[str, float], verdict
     assert search.inexact is (floor < 1)
     decision = replace(decision, verdict=verdict)
     assert with_further(search, fits, decision) == (fits, decision)
+
+
+@pytest.mark.parametrize("own", [0.0, 1e-3])
+def test_a_cause_is_handed_over_with_the_parameters_that_it_had_bent(own: float) -> None:
+    """The nominal gain is 2, the rig's 2.6: the search fitted the cubic term with the nominal gain alone. A baseline
+    (own) determines the gain."""
+    search = Search(
+        Problem(toy({"gain": 2.6, "cubic": 0.8, "outside": 0.1}, records=6, noise=0.02)), 1e-6, own=own
+    )
+    search.extend(False, 1)
+    fits = search.ranked(False)
+    index = next(k for k, f in enumerate(fits) if f.hypothesis.causes == ("cubic",))
+    held = replace(scored([fits[index]])[0], index=index)
+    decision = Decision("effect", held, tuple(1 / len(fits) for _ in fits), 0.1, 1e-6, search.excess)
+    more, after = with_further(search, fits, decision)
+    found = more[after.chosen.index]
+    assert found.hypothesis.causes == ("cubic",)
+    assert bool(found.hypothesis.nominal) is (own == 0.0)
+    if not own:
+        assert found.settings["gain"] == pytest.approx(2.6, rel=0.02)
+        assert after.unexplained < decision.unexplained
+        assert len(after.probabilities) == len(more)
+
+
+@pytest.mark.parametrize(("factor", "share"), [(0.5, 0.75 / 0.9), (2.0, 0.0)])
+def test_what_curves_of_the_command_take_is_a_share_of_what_is_beyond_the_noise(factor: float, share: float) -> None:
+    """Half the error is a quarter of the squares; a tenth of these is noise. Curves that do harm take nothing."""
+    search, fits, _ = found(offset=0.5)
+    search.floor = 0.1 * search.left_out_cost(fits[0])
+    own = search.predicted(fits[0])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Search, "versions", lambda self, found: [(own, False), (factor * own, True)])
+        assert search.by_curves(fits[0].hypothesis) == pytest.approx(share)
+        search.fits.clear()
+        assert search.by_curves(fits[0].hypothesis) == 0.0
 
 
 @pytest.fixture(scope="module")

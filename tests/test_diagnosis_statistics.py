@@ -204,6 +204,9 @@ OFF = [
         ([NOTHING, A, FREED], 0.01, {"own": 0.005}, "effect", ("a",)),
         # Two forms of one cause together outweigh another that is a little better than each.
         ([NOTHING, replace(B, cost=0.0099, left_out=0.0099), A, A], 0.001, {}, "effect", ("a",)),
+        # A clearance and a spring of the mount are one statement.
+        ([NOTHING, replace(A, causes=("backlash",)), replace(A, causes=("mount_compliance",)), B], 0.001, {},
+         "effect", ("backlash",)),
         # What a cause takes off the records that it was fitted to, it has to take off others, and not a little.
         ([NOTHING, HALF, OTHER], 0.001, {}, "effect", ("a",)),
         ([NOTHING, replace(HALF, left_out=0.9), OTHER], 0.001, {}, "unknown", ()),
