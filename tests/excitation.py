@@ -42,9 +42,6 @@ class Motion:
                 found.append(float(grid[k]))
         return found
 
-    def mirrored(self) -> Motion:
-        return Motion(lambda t: -self.x(t), lambda t: -self.v(t), lambda t: -self.a(t))
-
     def shifted(self, d: float) -> Motion:
         """Seen ``d`` seconds later in the record; before its start it moves at the velocity that it begins with."""
         x0, v0 = self.x(0.0), self.v(0.0)
