@@ -182,14 +182,6 @@ def step_through(
     return Track(x, v, sensors)
 
 
-def trajectory(text: str, steps: int) -> Array:
-    """Joints and sensors (steps, nq + nsensordata) from the first keyframe, for a spawned worker."""
-    model, data = compiled(text)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    track = step_through(model, data, steps)
-    return np.hstack([track.x, track.sensors])
-
-
 def _place(model: mujoco.MjModel, instance: str, name: str) -> tuple[int, int]:
     """Where a damper's attribute stands in `plugin_attr`: values in the table's order, zeros between."""
     names = ["law", "weights", *core.attribute_index()]

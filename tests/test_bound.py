@@ -40,7 +40,6 @@ from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.roads import iso8608
 from mrdamp.simulation.rows import ChainRows, Stepping
 from refusals import refuses
-from studies.receding import Ongoing
 
 BENCH = FrameBench(preset.frame_model())
 MOTION = kanai_tajimi(5, duration=4.0, rise=0.5, plateau=2.0, decay=0.5)
@@ -172,23 +171,6 @@ def test_the_command_writes_shares_and_paths(tmp_path: Path, capsys: pytest.Capt
     kept = (tmp_path / "out" / "kept.jsonl").read_text()
     assert run("compare", *given, "-o", tmp_path / "out") == 0  # nothing is searched for again
     assert (tmp_path / "out" / "kept.jsonl").read_text() == kept
-
-
-def test_runs_go_on_where_a_row_stands() -> None:
-    """From a saved present the rest of a run is that of the whole run."""
-    rolled = rollouts()
-    u = np.random.default_rng(0).uniform(0, LARGEST, rolled.periods)
-    whole, _ = rolled.run(u[None])
-    plant = rollouts().rows(1)
-    for k in range(300):
-        measured = plant.plants.advance(u[None, k : k + 1])[1][0].copy()
-    moment = plant.plants.save(0)
-    rest = rollouts(Ongoing)
-    assert isinstance(rest, Ongoing)
-    rest.rows(3)  # rows made before are moved too
-    rest.go_on(moment, measured, 200)
-    found, _ = rest.run(np.stack([u[300:500]] * 3))
-    np.testing.assert_array_equal(found, np.stack([whole[0, 300:500]] * 3))
 
 
 CABLE, CAR = CableBench(), CarBench()

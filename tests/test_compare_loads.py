@@ -93,30 +93,6 @@ def test_of_drawn_motions_none_is_known(structure: str) -> None:
     assert not {made.likeness(load) for load in made.tuning_loads()} & {made.likeness(load) for load in loads}
 
 
-def test_a_file_that_is_named_twice_is_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("a", "b"):
-        ONE.save(tmp_path / f"{name}.csv")
-    files = [str(tmp_path / f"{name}.csv") for name in ("a", "a", "b")]
-    call = [
-        "compare",
-        OWN,
-        "--controllers",
-        "passive-on",
-        "--engine",
-        "chain",
-        "--jobs",
-        "1",
-        "--motions",
-        *files,
-    ]
-    assert cli.main([*call, "-o", str(tmp_path / "out")]) == 0
-    note = "2 of 3 loads repeat another up to a factor or rest and are left out"
-    assert capsys.readouterr().err.count(f"mrdamp: {note}\n") == 1
-    for page in ("index.html", "table.md"):
-        assert f"Note: {note}." in (tmp_path / "out" / page).read_text()
-    assert len((tmp_path / "out" / "runs.csv").read_text().splitlines()) == 2
-
-
 @pytest.mark.parametrize(
     "change",
     [

@@ -32,7 +32,6 @@ from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
 from mrdamp.envs import FrameEnv
-from mrdamp.envs import training_loads as loads
 from mrdamp.envs.frame_xml import frame_models, frame_xml
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -332,49 +331,6 @@ def test_a_policys_outputs_are_the_dampers_commands(file: Path, tmp_path: Path) 
     np.testing.assert_allclose(rows, [[1.125] * 3, [0.5625] * 3], rtol=1e-12)
     least = LeastCommand(1.0, 2.0, 1.0, 1.0)
     refuses(lambda: Policy("b", 5e-3, seen, np.eye(4), network, 2.25, least=least), "for 2 dampers; allowed")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("algorithm", ["es", "ppo", "both"])
-def test_what_is_trained_on_a_users_frame_is_compared_on_it(
-    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, algorithm: str
-) -> None:
-    """From the model's file to the table, whose peaks are those of the environment's own episode in the engine."""
-    pytest.importorskip("stable_baselines3", reason="needs stable-baselines3")
-    few = loads.validation_motions(1, (1.0,))
-    monkeypatch.setattr("mrdamp.envs.frame.validation_motions", lambda: few)
-    LOAD.save(tmp_path / "shake.csv")
-    call: list[str | Path] = ["compare", "frame", "--model", file, "--motions", tmp_path / "shake.csv", "--jobs", "1"]
-    arguments: dict[str, Any] = {"model": file, "timestep": 2.5e-4}
-    few_rows = "n_envs=4 n_steps=32 batch_size=64"
-    own = {
-        "es": "loads=2 population=4", "ppo": f"{few_rows} pool=4 freeze=0",
-        "both": f"{few_rows} env_kwargs.reward=null env_kwargs.damper_between=[[0,1],[1,2]]",
-    }[algorithm]  # fmt: skip
-    options = f"mrdamp/Frame-v0 --timesteps 600 --evaluations 1 --set {own} --algo".split()
-    options += ["ppo", "--hyperparameters", str(PLAIN)] if algorithm == "both" else [algorithm]
-    if algorithm == "both":
-        arguments["damper_between"] = PLACES
-        call += ["--dampers", "0-1", "1-2"]
-    assert run("train", *options, "--model", file, "-o", tmp_path / "out") == 0
-    capsys.readouterr()
-    found = f"mine=policy:{tmp_path / 'out'}"
-    assert run(*call, "--json", "--controllers", "passive-on", found) == 0
-    measures = json.loads(capsys.readouterr().out)["controllers"]["mine"]["measures"]
-    made = bench(file, "mujoco") if "damper_between" in arguments else FrameBench(Model.read(file))
-    ((spec,),) = (row.specs for row in contenders(made, [found], {}))
-    controller = made.controller(spec)
-    env = FrameEnv(period=controller.period, signals=["force"], **arguments)
-    env.reset(options={"motion": LOAD.compressed(5.0)})
-    controller.reset()
-    over, task = False, env.task
-    while not over:
-        y = dict(zip(task.rows.names, task.measured[0].tolist(), strict=True))
-        command = controller.command(float(task.rows.plants.step[0]) * task.rows.plants.timestep, y)
-        action = np.broadcast_to(2.0 * np.asarray(command) / task.command_max - 1.0, task.command_max.shape)
-        _, _, _, over, info = env.step(action.astype(np.float32))
-    assert measures["J1"]["mean"] == pytest.approx(info["drift_ratio"], rel=0.01)
-    assert measures["J2"]["mean"] == pytest.approx(info["acceleration_ratio"], rel=0.03)
 
 
 def test_the_pages_command_is_the_one_that_was_given() -> None:

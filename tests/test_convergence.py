@@ -16,7 +16,7 @@ from benchmarks import accuracy, convergence, fits, opensees, python_env
 from benchmarks.convergence import Array, Draw, apart, rms
 from benchmarks.frames import DYKE
 from benchmarks.python_law import PythonDamper
-from benchmarks.timing import Effort, interleave, ratio
+from benchmarks.timing import Effort
 from mrdamp.envs import FrameEnv, FrameTask
 from mrdamp.identify import simulate
 from mrdamp.model import Model, core, effects_from
@@ -216,20 +216,6 @@ def test_every_benchmark_gives_figures(name: str) -> None:
             assert math.isfinite(figure.value)
             # What is left out to see what it costs may cost nothing in so few steps.
             assert figure.value > 0.0 or figure.unit == "us"
-
-
-def test_ratio_is_of_the_rounds_and_the_order_is_turned() -> None:
-    calls: list[str] = []
-    costs = {"a": iter([9.0, 2.0, 4.0, 8.0]), "b": iter([9.0, 1.0, 1.0, 2.0])}
-
-    def task(name: str) -> float:
-        calls.append(name)
-        return next(costs[name])
-
-    measured = interleave({name: lambda name=name: task(name) for name in costs}, 3)  # type: ignore[misc]
-    assert "".join(calls) == "ab" + "ab" + "ba" + "ab"
-    found = ratio(measured["a"], measured["b"])
-    assert (found.value, found.top, found.bottom) == (4.0, 4.0, 1.0)
 
 
 def test_errors_are_small_where_the_speed_is_stated() -> None:

@@ -89,8 +89,8 @@ EQUATIONS: Mapping[str, tuple[str, U, Mapping[str, float], np.ndarray, float]] =
         led(SWELL, [0.4 * 0.15, 1], [0.01 * 0.15, 0.01 + 0.15, 1]), 1e-3,
     ),
     "a share of it without a first pole": (
-        "field", SWELL, {"driver_lag_tau2": 0.15, "driver_lag_share": 0.6}, 0.4 * SWELL + 0.6 * led(SWELL, [1], [0.15, 1]),
-        1e-3,
+        "field", SWELL, {"driver_lag_tau2": 0.15, "driver_lag_share": 0.6},
+        0.4 * SWELL + 0.6 * led(SWELL, [1], [0.15, 1]), 1e-3,
     ),
     **{f"a controller of limited voltage, {tau}": (
         "current", 0.2 + 0.8 * STEP, {"driver_lag_tau": tau, "driver_lag_gain": gain,

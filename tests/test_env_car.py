@@ -295,16 +295,6 @@ def test_what_mpc_needs_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert isinstance(make("sh-add", SITE), Switching)
 
 
-@pytest.mark.parametrize("spec", ["constant:value=0.3", "lq-tracking"])
-def test_both_engines_say_the_same(spec: str) -> None:
-    found = []
-    for engine in ("mujoco", "chain"):
-        bench = CarBench(engine=engine)
-        values = bench.values(bench.run(spec, ROAD, 1.0), bench.run("uncontrolled", ROAD, 1.0))
-        found.append([values[key] for key in ("comfort", "load", "stroke", "mean_command")])
-    np.testing.assert_allclose(found[0], found[1], rtol=0.02)
-
-
 def test_the_command_compares_on_a_road_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A stronger damper strokes less; ratios are over the linear suspension, and the table says so."""
     file, out = tmp_path / "lane.csv", tmp_path / "out"

@@ -130,14 +130,6 @@ def test_several_dampers() -> None:
     agree_in_the_frame([frame("bouc_wen"), frame("bingham")], 1.0, damper_between=[(0, 1), (1, 3)])
 
 
-def test_the_default_frame_at_the_default_steps() -> None:
-    """1 ms of the chain against 0.5 ms of the engine."""
-    own: dict[str, Any] = {
-        "signals": SIGNALS[:4] + SIGNALS[5:]
-    }  # the engine's velocities are half a step early
-    agree(lambda engine: FrameTask(1, engine=engine, **own), MOTION, "motion", actions(190))
-
-
 def test_the_cable() -> None:
     """The damper sticks: the engine, of first order there, takes small steps to get to accelerations beside it."""
     load = AmbientLoads(duration=0.6).draw(np.random.default_rng(0), 12.65)

@@ -34,7 +34,7 @@ from mrdamp.envs import (
 from mrdamp.envs.frame import reference_run
 from mrdamp.envs.loads import AmbientLoads
 from mrdamp.envs.view import Image
-from mrdamp.model import Effect, Model
+from mrdamp.model import Model
 from mrdamp.motions import GroundMotion, kanai_tajimi
 from mrdamp.structures import ShearFrame, dyke1996
 from refusals import refuses
@@ -72,36 +72,9 @@ def test_a_plant_goes_on_with_its_ground_at_rest() -> None:
     used.reset(STRONG)
     used.reset(short)
     fresh.reset(short)
-    while not fresh.finished:
+    for _ in range(600):
         assert used.step(1.0) == fresh.step(1.0)
-    swings = []
-    for _ in range(300):
-        y = fresh.step(1.0)
-        assert used.step(1.0) == y
-        swings.append(abs(y["displacement_3"]))
-    assert max(swings[-60:]) < 0.2 * max(swings[:60])
-
-
-def test_any_model_and_any_frame() -> None:
-    tall = ShearFrame(np.full(6, 90.0), np.full(6, 4e5), np.full(6, 80.0))
-    tanh = Model("hyperbolic_tangent", {
-        "k0a": 500.0, "k0b": 0.0, "k1a": 2e5, "k1b": 1e5, "c0a": 800.0, "c0b": 300.0, "c1a": 500.0, "c1b": 100.0,
-        "m0": 0.5, "f0a": 60.0, "f0b": 500.0, "v_ref": 0.004,
-    }, (Effect("seal_friction", {"coulomb": 20.0}),))  # fmt: skip
-    env = FrameEnv(
-        model=[tanh, mrdamp.envs.default_damper()], structure=tall, damper_between=[(0, 1), (2, 4)],
-        command_max=[2.0, 1.5], motions=SHORT, full_state=True,
-    )  # fmt: skip
-    assert env.action_space.shape == (2,)
-    assert env.observation_space.shape == (6 * 3 + 2 * 2 + 2,)
-    env.reset(seed=0)
-    for _ in range(100):
-        seen, _, _, _, info = env.step(np.array([1.0, -1.0], np.float32))
-    at = env.task.observer.names
-    assert seen[at.index("current")] == pytest.approx(1.0)
-    assert seen[at.index("current_2")] == pytest.approx(0.0, abs=1e-6)
-    assert (seen[-2], seen[-1]) == (1.0, 0.0)
-    assert info["mean_current"] == pytest.approx(1.0, rel=1e-3)
+    assert fresh.finished
 
 
 def test_one_rule_for_the_time_scale_of_a_record(tmp_path: Path) -> None:

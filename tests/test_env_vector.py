@@ -41,8 +41,20 @@ from refusals import refuses
 
 N = 3
 DAMPER = default_damper()
+
+
+class Uneven:
+    """Episodes of different lengths: each row starts anew by itself."""
+
+    motions = SyntheticMotions(duration=1.5, rise=(0.2, 0.3), plateau=(0.2, 0.4))
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        return self.motions.draw(rng).compressed(rng.uniform(1.0, 2.0))
+
+
 ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
     "frame": TWO_DAMPERS,
+    "uneven": {"motions": Uneven()},
     "sensors": {
         "motions": SyntheticMotions(duration=1.5), "noise": {"stroke": 1e-4}, "action_in_observation": False,
         "signals": ["acceleration_2", "velocity_3", "stroke", "true_force", "current"],
@@ -65,10 +77,11 @@ ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
     },
 }  # fmt: skip
 SINGLE: Mapping[str, Callable[..., Any]] = {
-    "frame": FrameEnv, "sensors": FrameEnv, "cable": CableEnv, "car": CarEnv
+    "frame": FrameEnv, "uneven": FrameEnv, "sensors": FrameEnv, "cable": CableEnv, "car": CarEnv
 }  # fmt: skip
 VECTOR: Mapping[str, Callable[..., PlantVectorEnv]] = {
-    "frame": FrameVectorEnv, "sensors": FrameVectorEnv, "cable": CableVectorEnv, "car": CarVectorEnv
+    "frame": FrameVectorEnv, "uneven": FrameVectorEnv, "sensors": FrameVectorEnv, "cable": CableVectorEnv,
+    "car": CarVectorEnv,
 }  # fmt: skip
 TASK: Mapping[str, Callable[..., Task]] = {"frame": FrameTask, "cable": CableTask, "car": CarTask}
 
@@ -123,30 +136,6 @@ def test_rows_are_single_environments(kind: str, engine: str, mode: AutoresetMod
         equal(a[4], b[4])
         ends += int(a[3].sum())
     assert ends >= 2 * N
-
-
-def test_rows_with_ends_of_their_own() -> None:
-    """Episodes of different lengths: each row starts anew by itself."""
-    motions = SyntheticMotions(duration=1.5, rise=(0.2, 0.3), plateau=(0.2, 0.4))
-
-    class Uneven:
-        def draw(self, rng: np.random.Generator) -> Any:
-            motion = motions.draw(rng)
-            return motion.compressed(rng.uniform(1.0, 2.0))
-
-    loop = SyncVectorEnv([lambda: FrameEnv(motions=Uneven())] * N)
-    batch = FrameVectorEnv(N, motions=Uneven())
-    loop.reset(seed=1)
-    batch.reset(seed=1)
-    apart = 0
-    for _ in range(200):
-        action = np.zeros((N, 1), np.float32)
-        a, b = loop.step(action), batch.step(action)
-        np.testing.assert_array_equal(a[0], b[0])
-        np.testing.assert_array_equal(a[1], b[1])
-        equal(a[4], b[4])
-        apart += 0 < int(a[3].sum()) < N
-    assert apart >= N
 
 
 def test_some_rows_are_reset_by_a_mask() -> None:

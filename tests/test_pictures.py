@@ -263,19 +263,6 @@ def test_command_history_holds_the_command() -> None:
     assert any(isinstance(c, FillBetweenPolyCollection) for c in below.collections)
 
 
-def test_a_controller_has_one_colour_in_all_pictures() -> None:
-    drift, criteria = runs(2, 5)
-    name = CONTROLLERS[4]
-    command = {name: np.ones_like(TIME)}
-    force = {name: 1e3 * np.sin(9 * TIME)}
-    drawn = pictures.command_history(TIME, command, force, order=list(drift)).axes[0].lines[1].get_color()
-    assert drawn == pictures.drifts(TIME, drift).axes[1].lines[4].get_color() == style.COLOURS[3]
-    assert drawn == pictures.profile(criteria).axes[1].lines[4].get_color()
-    assert drawn == to_hex(pictures.controllers(criteria).axes[0].patches[4].get_facecolor())
-    alone = pictures.command_history(TIME, command, force).axes[0].lines[1].get_color()
-    assert alone == style.COLOURS[0]
-
-
 def readable(fig: Figure) -> None:
     """No text leaves the picture, none lies over another, and all of it is at least 8.5 points high."""
     found = texts(fig)
@@ -294,13 +281,6 @@ def readable(fig: Figure) -> None:
             across = min(box.x1, second.x1) - max(box.x0, second.x0)
             along = min(box.y1, second.y1) - max(box.y0, second.y0)
             assert across < 0.5 or along < 0.5, f"{text.get_text()!r} lies over {other.get_text()!r}"
-
-
-def _luminance(colour: str) -> float:
-    """Relative luminance of WCAG 2, 0 to 1."""
-    parts = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
-    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
-    return float(linear @ [0.2126, 0.7152, 0.0722])
 
 
 # --- legible, in every number ----------------------------------------------------------------
@@ -336,16 +316,6 @@ def test_names_are_written_as_they_are() -> None:
         written = [text for text, _ in texts(fig) if text.get_text() == name]
         assert len(written) == 1
         assert not written[0].get_parse_math()
-
-
-def test_colours_stand_out_from_the_page() -> None:
-    for light, dark in style.DARK.items():
-        if light == style.GRID:
-            continue
-        least = 4.5 if light in (style.INK, style.MUTED) else 3.0
-        assert 1.05 / (_luminance(light) + 0.05) >= least, light
-        assert (_luminance(dark) + 0.05) / (_luminance("#14181d") + 0.05) >= least, dark
-    assert len(set(style.COLOURS)) == len(style.DASHES) == len(style.MARKERS) == 6
 
 
 # --- scales

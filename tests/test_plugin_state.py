@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import multiprocessing
 from collections.abc import Callable
 from pathlib import Path
 
@@ -28,7 +27,6 @@ from mjcf_builders import (
     set_attribute,
     slider,
     step_through,
-    trajectory,
 )
 from networks import random_network
 
@@ -37,12 +35,12 @@ EFFECTS = {
     "heating_capacity": 3.0, "seal_friction_coulomb": 20.0, "trapped_gas_d": 0.4,
 }  # fmt: skip
 MOUNT = {"mount_compliance_k": 5e4, "backlash_gap": 1e-4, "driver_lag_tau": 0.005}
-STEPS = 400
+STEPS, MANY = 400, 120  # of one run, and of each of many
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
 SPECS = [FULL, mujoco.mjtState.mjSTATE_INTEGRATION]
 
 
-def rich(timestep: float = 1e-3) -> str:
+def rich() -> str:
     """All that keeps a past: a network with a delayed command, a mount, heat, bristles, noise, lags."""
     dampers = [
         Damper("narx", {"weights": "text:net", "command_delay_d": 0.0123, "driver_lag_tau": 0.01}, "net"),
@@ -55,7 +53,7 @@ def rich(timestep: float = 1e-3) -> str:
     extra = f"""<custom><text name="net" data="{random_network(2, (6,)).text()}"/></custom>
 <keyframe><key name="bent" qpos="0.01 -0.004 0.003" qvel="0.1 0 0.2" ctrl="0.5 1 1.5"/></keyframe>"""
     bodies = chain([20.0, 10.0, 2.0], [2e4, 2e4, 1e4], [5.0, 5.0, 1.0])
-    return document(bodies, dampers, sensors, timestep=timestep, extra=extra)
+    return document(bodies, dampers, sensors, extra=extra)
 
 
 def controls(steps: int = STEPS, seed: int = 0) -> Array:
@@ -161,56 +159,43 @@ def test_two_halves_of_a_step_are_the_step(whole: Track) -> None:
         mujoco.mj_step2(model, data)
 
 
-@pytest.mark.parametrize("kind", ["xml", "mjb", "spec"])
-def test_saved_models_move_alike(whole: Track, kind: str, tmp_path: Path) -> None:
-    path = str(tmp_path / f"model.{kind}")
+def test_saved_models_move_alike(whole: Track, tmp_path: Path) -> None:
+    xml, mjb = str(tmp_path / "model.xml"), str(tmp_path / "model.mjb")
     model, _ = compiled(rich())
-    if kind == "xml":
-        mujoco.mj_saveLastXML(path, model)
-        again = mujoco.MjModel.from_xml_path(path)
-    elif kind == "mjb":
-        mujoco.mj_saveModel(model, path)
-        again = mujoco.MjModel.from_binary_path(path)
-    else:
-        again = mujoco.MjModel.from_xml_string(mujoco.MjSpec.from_string(rich()).to_xml())
-    data = mujoco.MjData(again)
-    mujoco.mj_resetDataKeyframe(again, data, 0)
-    equal(step_through(again, data, STEPS, controls()), whole)
-
-
-@pytest.mark.slow
-def test_spawned_worker_moves_alike() -> None:
-    """A new interpreter that imports the package on its own."""
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        found = pool.apply(trajectory, (rich(), 200))
-    np.testing.assert_array_equal(found, trajectory(rich(), 200))
+    mujoco.mj_saveLastXML(xml, model)
+    mujoco.mj_saveModel(model, mjb)
+    for again in (
+        mujoco.MjModel.from_xml_path(xml),
+        mujoco.MjModel.from_binary_path(mjb),
+        mujoco.MjModel.from_xml_string(mujoco.MjSpec.from_string(rich()).to_xml()),
+    ):
+        data = mujoco.MjData(again)
+        mujoco.mj_resetDataKeyframe(again, data, 0)
+        equal(step_through(again, data, STEPS, controls()), whole)
 
 
 # --- many at a time -----------------------------------------------------------------------------------
 
 
 def starts(model: mujoco.MjModel, count: int) -> tuple[Array, Array]:
-    """States (count, nstate) away from rest, the plugins' past among them, and controls (count, STEPS, 3)."""
+    """States (count, nstate) away from rest, the plugins' past among them, and controls (count, MANY, 3)."""
     states = np.empty((count, mujoco.mj_stateSize(model, FULL)))
     data = mujoco.MjData(model)
     for k in range(count):
         mujoco.mj_resetDataKeyframe(model, data, 0)
         step_through(model, data, 10 * k, controls(10 * k, seed=20 + k))
         mujoco.mj_getState(model, data, states[k], FULL)
-    return states, np.array([controls(seed=40 + k) for k in range(count)])
+    return states, np.array([controls(MANY, seed=40 + k) for k in range(count)])
 
 
-def loop(models: list[mujoco.MjModel], states: Array, commands: Array) -> tuple[Array, Array]:
-    """One after the other, each in new data: last states (n, nstate), sensors (n, steps, nsensordata)."""
-    found, sensors = [], []
+def loop(models: list[mujoco.MjModel], states: Array, commands: Array) -> Array:
+    """One after the other, each in new data: sensors (n, steps, nsensordata)."""
+    sensors = []
     for model, state, command in zip(models, states, commands, strict=True):
         data = mujoco.MjData(model)
         mujoco.mj_setState(model, data, state, FULL)
         sensors.append(step_through(model, data, len(command), command).sensors)
-        last = np.empty_like(state)
-        mujoco.mj_getState(model, data, last, FULL)
-        found.append(last)
-    return np.array(found), np.array(sensors)
+    return np.array(sensors)
 
 
 def stronger(model: mujoco.MjModel, factor: float) -> mujoco.MjModel:
@@ -220,45 +205,38 @@ def stronger(model: mujoco.MjModel, factor: float) -> mujoco.MjModel:
     return other
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("varied", [False, True], ids=["one model", "models"])
-def test_rollout_is_the_loop(threads: int, varied: bool) -> None:
-    model, _ = compiled(rich())
-    states, commands = starts(model, 6)
-    models = [stronger(model, 1.0 + k / 2) if varied else model for k in range(6)]
-    found, sensors = mujoco.rollout.rollout(
-        models if varied else model, [mujoco.MjData(model) for _ in range(threads)], states, commands
-    )
-    last, expected = loop(models, states, commands)
-    np.testing.assert_array_equal(found[:, -1], last)
-    np.testing.assert_array_equal(sensors, expected)
+def rollout(models: list[mujoco.MjModel], way: str, threads: int, states: Array, commands: Array) -> Array:
+    datas = [mujoco.MjData(models[0]) for _ in range(threads)]
+    return np.asarray(mujoco.rollout.rollout(models[0] if way == "one" else models, datas, states, commands)[1])
 
 
-@pytest.mark.parametrize("way", ["one model", "models", "plugin_attr"])
+def batch(models: list[mujoco.MjModel], way: str, threads: int, states: Array, commands: Array) -> Array:
+    model, many = models[0], len(models)
+    made = mujoco.batch.Batch(model, nsim=many, nthread=threads)
+    if way == "models":
+        made.set_models(models)
+    elif way == "plugin_attr":
+        made.expand("plugin_attr")[:] = [m.plugin_attr for m in models]
+    sensors, bound, data = np.empty((many, MANY, model.nsensordata)), made.bind("sensordata"), mujoco.MjData(model)
+    for k in range(many):
+        mujoco.mj_setState(model, data, states[k], FULL)
+        mujoco.mj_getState(model, data, made.state[k], mujoco.mjtState.mjSTATE_INTEGRATION)
+    for k in range(MANY):
+        made.ctrl = commands[:, k]
+        made.step()
+        sensors[:, k] = bound
+    return sensors
+
+
 @pytest.mark.parametrize("threads", [1, 2])
-def test_batch_is_the_loop(way: str, threads: int) -> None:
+@pytest.mark.parametrize(
+    ("many", "way"), [(rollout, "one"), (rollout, "models"), (batch, "one"), (batch, "models"), (batch, "plugin_attr")]
+)
+def test_many_at_a_time_are_the_loop(many: Callable[..., Array], way: str, threads: int) -> None:
     model, _ = compiled(rich())
     states, commands = starts(model, 5)
-    models = [stronger(model, 1.0 + k / 2) if way != "one model" else model for k in range(5)]
-    batch = mujoco.batch.Batch(model, nsim=5, nthread=threads)
-    if way == "models":
-        batch.set_models(models)
-    elif way == "plugin_attr":
-        values = batch.expand("plugin_attr")
-        for k in range(5):
-            values[k] = models[k].plugin_attr
-    sensors = np.empty((5, 120, model.nsensordata))
-    bound = batch.bind("sensordata")
-    data = mujoco.MjData(model)
-    for k in range(5):
-        mujoco.mj_setState(model, data, states[k], FULL)
-        mujoco.mj_getState(model, data, batch.state[k], mujoco.mjtState.mjSTATE_INTEGRATION)
-    for k in range(120):
-        batch.ctrl = commands[:, k]
-        batch.step()
-        sensors[:, k] = bound
-    _, expected = loop(models, states, commands[:, :120])
-    np.testing.assert_array_equal(sensors, expected)
+    models = [model if way == "one" else stronger(model, 1.0 + k / 2) for k in range(5)]
+    np.testing.assert_array_equal(many(models, way, threads, states, commands), loop(models, states, commands))
 
 
 # --- parameters on the way ----------------------------------------------------------------------------
@@ -292,38 +270,23 @@ def test_attributes_written_into_the_model_count_at_once() -> None:
     assert data.sensor("force").data[0] == pytest.approx(15.0, rel=1e-6)
 
 
-def test_recompiled_spec_has_the_new_parameters() -> None:
-    spec = mujoco.MjSpec.from_string(RIG)
-    for c in (100.0, 250.0, 30.0):
-        plugin = next(p for p in spec.plugins if p.name == "mr_data")
-        plugin.config = {"law": "bingham", **{name: repr(value) for name, value in dashpot(c).items()}}
-        model = spec.compile()
-        assert force_at(model, mujoco.MjData(model)) == pytest.approx(0.1 * c, rel=1e-12)
-
-
 def test_a_model_changed_on_the_way_acts_as_on_new_data() -> None:
     """Each change alters what a force brings about within a step: inertia, damping, gear, step, limits."""
     model, data = compiled(rich())
 
-    def change(k: int) -> None:
-        if k == 0:
-            model.body_mass[1:] *= 1.5
-        elif k == 1:
-            model.dof_armature[:] += 3.0
-        elif k == 2:
-            model.dof_damping[:] *= 2.0
-        elif k == 3:
-            model.actuator_gear[:, 0] *= 1.2
-        elif k == 4:
-            model.opt.timestep *= 0.5
-        else:
-            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_DAMPER
-
-    for k in range(6):
+    changes: tuple[tuple[object, str, object], ...] = (
+        (model, "body_mass", 1.5 * model.body_mass),
+        (model, "dof_armature", model.dof_armature + 3.0),
+        (model, "dof_damping", 2.0 * model.dof_damping),
+        (model, "actuator_gear", 1.2 * model.actuator_gear),
+        (model.opt, "timestep", 0.5 * model.opt.timestep),
+        (model.opt, "disableflags", mujoco.mjtDisableBit.mjDSBL_DAMPER),
+    )
+    for k, change in enumerate(changes):
         data.ctrl[:] = 1.0 + 0.1 * k
         data.qfrc_applied[:] = 40.0 * (-1) ** k
         mujoco.mj_step(model, data, 40)
-        change(k)
+        setattr(*change)
         new = mujoco.MjData(model)
         state = np.empty(mujoco.mj_stateSize(model, SPECS[1]))
         mujoco.mj_getState(model, data, state, SPECS[1])

@@ -13,12 +13,8 @@ import numpy as np
 import pytest
 
 from modules import ROOT, STUDIES, loaded
-from mrdamp.compare import FrameBench
-from mrdamp.compare import dyke1996 as preset
-from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.identify import identify
 from mrdamp.model import Model
-from mrdamp.motions import kanai_tajimi
 from mrdamp.records import RecordSet, embedded
 from refusals import refuses
 from studies.blindtest import rows_file, run, score, seal
@@ -26,19 +22,6 @@ from studies.blindtest.score import Row, Share
 from studies.blindtest.sizing import OWN
 
 POLICIES = resources.files("mrdamp") / "data" / "policies" / "frame"
-
-
-@pytest.mark.slow
-def test_what_is_known_ahead_counts_for_nothing_before_it_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("torch")
-    study = loaded(STUDIES / "forecast_study.py")
-    some = study.reported_motions()[4::14]  # one amplitude
-    monkeypatch.setattr(study, "reported_motions", lambda: some)
-    one, _ = study.trained(0, (), 1, lambda text, share: None)
-    two, after = study.trained(0, (0.0, 0.02), 1, lambda text, share: None)
-    assert one.shape == (6, 2)
-    np.testing.assert_allclose(two, one, rtol=1e-5)
-    assert np.abs(after - two).max() > 1e-4
 
 
 @pytest.mark.slow
@@ -82,40 +65,6 @@ def test_the_chance_of_a_proposed_test() -> None:
     assert "random: 2 of 6 resolved, 0.33" in text
     assert f"p = {1 - 0.5 * 0.75:.2g}" in text
     assert "1.41 (" in text  # geometric mean of 4 and 1/2
-
-
-@pytest.mark.slow
-def test_a_policy_is_worse_under_noise_of_its_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
-    study = loaded(STUDIES / "policy_noise.py")
-    policy = study.Policy.read(str(POLICIES / "adjoint" / "seed_0.json"))
-    some = study.reported_motions()[3::7]
-    monkeypatch.setattr(study, "reported_motions", lambda: some)
-    clean, base = study.peaks([policy], 0.0)
-    noisy, same = study.peaks([policy], 2e-3)
-    np.testing.assert_array_equal(base, same)  # a constant command sees nothing
-    assert clean.mean() < base.mean() - 0.02
-    assert noisy.mean() > clean.mean() + 0.01
-
-
-@pytest.mark.slow
-def test_a_policy_that_is_told_its_sensors_lag_is_better(capsys: pytest.CaptureFixture[str]) -> None:
-    study = loaded(STUDIES / "policy_robustness.py")
-    file = str(POLICIES / "learned" / "seed_1.json")
-    found = []
-    for options in ([], ["--sensor-lag", "0.003"]):
-        assert study.main([*options, "--effects", "sensor_lag", "--loads", "1", "--", file]) == 0
-        found.append(float(capsys.readouterr().out.splitlines()[-1].split("|")[3]))
-    assert found[1] < found[0] - 0.01
-
-
-@pytest.mark.slow
-def test_a_tenth_of_a_second_of_forecast_lowers_both_peaks() -> None:
-    study = loaded(STUDIES / "preview_study.py")
-    bench = FrameBench(preset.frame_model(), engine="chain", timestep=5e-4)
-    motion = kanai_tajimi(5, duration=4.0, rise=0.5, plateau=2.0, decay=0.5)
-    values = study.Known(bench, motion, 1.0, 0.1).run()["values"]
-    on = bench.values(bench.run("passive-on", motion, 1.0), bench.run(UNCONTROLLED, motion, 1.0))
-    assert values["J1"] + values["J2"] < 0.9 * (on["J1"] + on["J2"])
 
 
 @pytest.mark.slow

@@ -45,28 +45,6 @@ def small(seed: int = 0, *overrides: str) -> Options:
 
 
 # --- several models -----------------------------------------------------------------------
-@pytest.mark.slow
-def test_several_models_share_the_loads_of_a_search(tmp_path: Path) -> None:
-    """The same model twice is one model; a softer frame beside it makes another policy."""
-    nominal = frame_model()
-    assert nominal.structure is not None
-    frame = nominal.structure
-    softer = replace(nominal, structure=replace(frame, stiffness=0.5 * frame.stiffness))
-    files = {name: tmp_path / f"{name}.json" for name in ("nominal", "softer")}
-    nominal.write(files["nominal"])
-    softer.write(files["softer"])
-
-    def weights(*models: str) -> Array:
-        first, *others = (files[name] for name in models)
-        options = replace(small(3, "n_timesteps=2000", "env_kwargs.randomise=null"), model=first, others=tuple(others))
-        folder = train(options, tmp_path / "-".join(models)).folder
-        return Policy.read(folder / "policy.json").network.layers[0][0]
-
-    alone = weights("nominal")
-    np.testing.assert_allclose(weights("nominal", "nominal"), alone, rtol=1e-9)
-    assert np.abs(weights("nominal", "softer") - alone).max() > 1e-3 * np.abs(alone).max()
-
-
 def test_loads_are_shared_by_frames_that_fill_the_ranges() -> None:
     """A stiffness in each sixth of its range, times the frame's own; all seen by the observer of the frame as named."""
     ranges = {"stiffness": (0.7, 1.3), "mass": (0.9, 1.1)}
