@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from env_arguments import OWN, dashpot
+from env_arguments import OWN
 from mrdamp import cli
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.benches import bench_of
@@ -284,14 +284,3 @@ def test_a_constant_command_has_one_score_at_every_period(structure: str) -> Non
         values = bench.values(kept, bench.run("uncontrolled", load, 1.0))
         found.append([values[m.key] for m in bench.measures if m.ratio])
     np.testing.assert_allclose(found, found[:1] * len(found), rtol=1e-5)
-
-
-@pytest.mark.parametrize("period", [5e-4, 3e-3, 2e-2])
-def test_a_damper_that_does_nothing_has_the_ratios_of_none(period: float) -> None:
-    """At fine steps: a run's means and peaks are over the starts of steps, and this load ends where it is largest."""
-    made: Any = bench_of(OWN, dashpot(1e-9), engine="chain")
-    bench = replace(made, timestep=6.25e-5)
-    values = bench.values(
-        bench.driven(Replay([0.0], period), LATE, 1.0), bench.run("uncontrolled", LATE, 1.0)
-    )
-    assert [values["shaking"], values["bearings"]] == pytest.approx([1.0, 1.0], abs=1e-3)

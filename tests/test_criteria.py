@@ -18,10 +18,6 @@ from mrdamp.commands.controllers import add_to
 from mrdamp.compare.benches import scaled
 from mrdamp.compare.comparison import difference, interval, summarise
 from mrdamp.compare.dyke1996 import frame_model
-from mrdamp.compare.frame import FrameBench
-from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
-from mrdamp.control.force_control import ForceController
-from mrdamp.control.told import Told
 from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.structures import ShearFrame, dyke1996
@@ -175,18 +171,6 @@ def test_a_tenth_of_stiffness_or_mass_moves_the_frequencies_by_its_root() -> Non
         frame = scaled(frame_model(), part, 1.21).structure
         assert frame is not None
         np.testing.assert_allclose(frame.frequencies / nominal, 1.21**power, rtol=1e-12)
-
-
-def test_controllers_are_made_for_what_they_are_told() -> None:
-    model = replace(frame_model(), structure=SOFT)
-    for bench, told in ((FrameBench(model), SOFT), (FrameBench(model, told=frame_model()), dyke1996())):
-        made = bench.controller(NAMES[1].replace("balance=100,", ""))
-        assert isinstance(made, Told)
-        assert isinstance(made.inner, ForceController)
-        assert isinstance(made.inner.aim, OptimalForce)
-        wanted = optimal_force(told, r=1e-8, noise_ratio=2000.0)
-        np.testing.assert_allclose(made.inner.aim.k, wanted.k)
-        np.testing.assert_allclose(made.inner.aim.estimator.gain, wanted.estimator.gain)
 
 
 def test_the_spread_is_that_of_frames_typed_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

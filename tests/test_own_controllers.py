@@ -192,16 +192,6 @@ def test_a_policy_of_another_structure_is_refused(tmp_path: Path, structure: str
                 refuses(load, f"policy.json: it was trained in {trained}; allowed here: ")
 
 
-@pytest.mark.parametrize("engine", ["mujoco", "chain"])
-@pytest.mark.parametrize("number", ["float64", "float32"])
-def test_a_period_may_be_a_number_of_numpy(tmp_path: Path, engine: str, number: str) -> None:
-    file = write(tmp_path)
-    file.write_text(f"import numpy as np\n{file.read_text()}".replace("0.005", f"np.{number}(0.0078125)"))
-    (row,) = contenders(BENCH, [f"mine={file}:Steady"], {})
-    run = replace(BENCH, engine=engine).history(row.specs[0], LOAD, 1.0)
-    assert run.time[8] == 0.0078125  # of both types; a run is sampled at least once a millisecond
-
-
 @pytest.mark.parametrize("name", ["dataclass_of_mine.py", "json.py"])
 def test_a_dataclass_of_ones_own_is_loaded(tmp_path: Path, name: str) -> None:
     """Its annotations are text, which is looked up in the class's module; no other module is replaced."""
@@ -216,28 +206,29 @@ def test_a_dataclass_of_ones_own_is_loaded(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "chain"])
-@pytest.mark.parametrize(("body", "acts"), [("1e12", 2.25), ("-2.25", 0.0)])
-def test_a_command_is_what_the_damper_takes(tmp_path: Path, engine: str, body: str, acts: float) -> None:
-    """Dyke's takes 0 to 2.25 V: any other command is the nearest of these, on both engines and in the tables."""
-    bench = replace(BENCH, engine=engine)
-    ((spec,),) = (row.specs for row in contenders(bench, [f"mine={write(tmp_path, body)}:Broken"], {}))
+@pytest.mark.parametrize(
+    ("body", "period", "acts"),
+    [
+        # Dyke's takes 0 to 2.25 V: any other command is the nearest of these.
+        ("1e12", "0.005", 2.25),
+        ("-2.25", "0.005", 0.0),
+        # What is written to the measurements is nowhere; there are three accelerations and displacements, stroke, its
+        # velocity and the force.
+        ("[y.update({k: 0.0}) for k in y] and 2.25", "0.005", 2.25),
+        ("y.clear() or 2.25", "0.005", 2.25),
+        ("2.25 * (len(y) == 9)", "0.005", 2.25),
+        *(("2.25 * (t % 0.0078125 == 0)", f"np.{number}(0.0078125)", 2.25) for number in ("float64", "float32")),
+    ],
+)
+def test_a_command_acts_as_the_constant_that_it_is(
+    tmp_path: Path, engine: str, body: str, period: str, acts: float
+) -> None:
+    bench, file = replace(BENCH, engine=engine), write(tmp_path, body)
+    file.write_text("import numpy as np\n" + file.read_text().replace("0.005", period))
+    ((spec,),) = (row.specs for row in contenders(bench, [f"mine={file}:Broken"], {}))
     found, wanted = (bench.history(s, LOAD, 1.0) for s in (spec, f"constant:value={acts}"))
     np.testing.assert_array_equal(found.command, acts)
     # The own period, 5 ms, is stepped as the constant's 1 ms.
-    np.testing.assert_allclose(np.abs(found.drift).max(0), np.abs(wanted.drift).max(0), rtol=1e-6)
-
-
-@pytest.mark.parametrize("engine", ["mujoco", "chain"])
-@pytest.mark.parametrize(
-    "body", ["[y.update({k: 0.0}) for k in y] and 2.25", "y.clear() or 2.25", "2.25 * (len(y) == 9)"]
-)
-def test_a_controller_has_a_copy_of_what_is_measured_and_no_more(
-    tmp_path: Path, engine: str, body: str
-) -> None:
-    """Three accelerations, three displacements, stroke, its velocity and the force; what it writes there is nowhere."""
-    bench = replace(BENCH, engine=engine)
-    ((spec,),) = (row.specs for row in contenders(bench, [f"mine={write(tmp_path, body)}:Broken"], {}))
-    found, wanted = (bench.history(s, LOAD, 1.0) for s in (spec, "constant:value=2.25"))
     np.testing.assert_allclose(np.abs(found.drift).max(0), np.abs(wanted.drift).max(0), rtol=1e-6)
 
 

@@ -74,16 +74,6 @@ def vehicle(options: str, c: float) -> str:
 </worldbody></mujoco>"""
 
 
-def leg(options: str, c: float) -> str:
-    return f"""<mujoco>{options}<worldbody><geom type="plane" size="5 5 1" {HARD}/>
-<body pos="0 0 .95"><joint type="slide" axis="0 0 1"/><geom size=".1" mass="10" {FREE}/>
-<body><joint type="hinge" axis="0 1 0" stiffness="100" damping="1"/>
-<geom type="capsule" fromto="0 0 0 .2 0 -.4" size=".03" mass="2" {FREE}/>
-<body pos=".2 0 -.4"><joint name="knee" type="hinge" axis="0 1 0" stiffness="150" damping="{c}"/>
-<geom type="capsule" fromto="0 0 0 -.2 0 -.4" size=".02" mass="1" {FREE}/>
-<geom pos="-.2 0 -.4" size=".05" mass=".5" {HARD} friction=".7"/></body></body></body></worldbody></mujoco>"""
-
-
 def hung(options: str, c: float, clutter: int = 0) -> str:
     """A tendon between a guided body and a box on the ground, and boxes around that a damper does not feel."""
     boxes = "".join(
@@ -142,7 +132,6 @@ SPRING = {"mr": 'joint="s"'}
 #: A model, where its dampers are, and the height (m, or rad) and speed of the release.
 DROPS: Mapping[str, tuple[Callable[[str, float], str], Mapping[str, str], float, float]] = {
     "vehicle on four dampers": (vehicle, {n: f'joint="{n}"' for n in WHEELS}, 0.1, 3.0),
-    "leg with a rotary damper": (leg, {"knee": 'joint="knee"'}, 0.05, 0.0),
     "slider-crank": (crank, {"mr": CRANK}, -0.3, 0.0),
     "wheel": (quarter_car, SPRING, 0.05, 0.0),
     "light wheel": (partial(quarter_car, wheel=1.0), SPRING, 0.05, 0.0),
@@ -157,8 +146,6 @@ DROPS: Mapping[str, tuple[Callable[[str, float], str], Mapping[str, str], float,
         ("vehicle on four dampers", 1500.0, "Euler", "pyramidal"),
         ("vehicle on four dampers", 8000.0, "implicitfast", "elliptic"),
         ("vehicle on four dampers", 8000.0, "implicit", "pyramidal"),
-        ("leg with a rotary damper", 2.0, "implicitfast", "elliptic"),
-        ("leg with a rotary damper", 20.0, "Euler", "pyramidal"),
         ("slider-crank", 50.0, "implicitfast", "elliptic"),
         ("slider-crank", 500.0, "implicitfast", "pyramidal"),
         ("wheel", 5000.0, "implicitfast", "pyramidal"),

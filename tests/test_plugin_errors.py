@@ -5,18 +5,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-from mjcf_builders import BINGHAM, BOUC_WEN, DYKE, Damper, Sensor, Values, compiled, document, slider
+from mjcf_builders import BINGHAM, BOUC_WEN, DYKE, Damper, Sensor, Values, compiled, config, document, slider
 from modules import TOOLS, loaded
 from mrdamp import InputError
 from mrdamp.model import core
-from mrdamp.model.attributes import effects
 from networks import random_network
 
 
@@ -37,16 +35,12 @@ def damped(law: str, attributes: Values, **how: str) -> str:
     return document(slider(1.0), [Damper(law, attributes, **how)], ())
 
 
-def without(name: str, values: Mapping[str, float]) -> dict[str, float]:
-    return {key: value for key, value in values.items() if key != name}
-
-
 LAWS = ("bingham", "bouc_wen", "hyperbolic_tangent", "modified_bouc_wen", "narx")
 # law, attributes, parts of the message
 ATTRIBUTES: tuple[tuple[str, Values, tuple[str, ...]], ...] = (
     ("bingam", BINGHAM, ("'law'", "'bingam'", *LAWS)),
     ("", {"c0a": 150.0}, ("'law'", "missing", *LAWS)),
-    ("bingham", without("fyb", BINGHAM), ("law bingham needs", "'fyb'", "(N per command)")),
+    ("bingham", {k: v for k, v in BINGHAM.items() if k != "fyb"}, ("law bingham needs", "'fyb'", "(N per command)")),
     ("bingham", {**BINGHAM, "alpha_a": 3.0}, ("'alpha_a'", "'3.0'", "bingham", "c0a c0b fya fyb v_ref")),
     ("narx", {"c0a": 1.0}, ("'c0a'", "'1.0'", "law narx", "none")),
     ("bingham", {**BINGHAM, "c0a": "4,0"}, ("'c0a'", "'4,0'", "is not a number", "(N s/m)")),
@@ -102,8 +96,8 @@ def test_broken_weights_file_is_named(kind: str, tmp_path: Path, monkeypatch: py
 def test_broken_weights_in_the_model_are_named() -> None:
     text = random_network(1, (3,)).text().replace("hidden 1 3", "hidden 1 4")
     extra = f'<custom><text name="net" data="{text}"/></custom>'
-    model = document(slider(1.0), [Damper("narx", {"weights": "text:net"})], (), extra=extra)
-    says(complaint(model, "actuator 'mr'"), ("text:net", "`weight`"))
+    broken = document(slider(1.0), [Damper("narx", {"weights": "text:net"})], (), extra=extra)
+    says(complaint(broken, "actuator 'mr'"), ("text:net", "`weight`"))
 
 
 BALL = '<body><joint name="j0" type="ball"/><geom size="0.1"/></body>'
@@ -162,11 +156,10 @@ def test_sensor_on_something_else(old: str, new: str) -> None:
     says(complaint(text, "sensor 'f'"), ("mrdamp.damper", 'objtype="actuator"'))
 
 
-def test_unknown_and_double_attributes_are_the_engines_errors() -> None:
-    with pytest.raises(ValueError, match="c0x"):
-        compiled(damped("bingham", {**BINGHAM, "c0x": 1.0}))
-    row = '<config key="c0a" value="1"/>'
-    with pytest.raises(ValueError, match="c0a"):
+@pytest.mark.parametrize("name", ["c0x", "c0a"])
+def test_unknown_and_double_attributes_are_the_engines_errors(name: str) -> None:
+    row = config({name: 1.0})
+    with pytest.raises(ValueError, match=name):
         compiled(damped("bingham", BINGHAM).replace("</instance>", row + "</instance>"))
 
 
@@ -176,26 +169,35 @@ def test_long_values_are_shortened() -> None:
         says(line, (value[:40], "is not a number"))
 
 
+NET = f'<custom><text name="net" data="{random_network(1, (3,)).text()}"/></custom>'
+
+
+def of_law(law: str, values: Values, sensor: Values | None = None) -> str:
+    """A model of a damper with all that its law needs, less what is None."""
+    good: dict[str, float | str] = dict.fromkeys(core.law_parameters(law), 1.0) or {"weights": "text:net"}
+    sensors = [Sensor(attributes=sensor or {})]
+    return document(slider(1.0), [Damper(law, {**good, **values})], sensors, extra=NET)
+
+
 @pytest.mark.parametrize("law", core.laws())
-def test_every_parameter_is_needed_and_every_attribute_is_strict(law: str) -> None:
-    """Over the whole table: each missing parameter, and text for each attribute, fails and is named."""
-    good = {name: {"n": 2.0, "c1a": 5.0}.get(name, 1.0) for name in core.law_parameters(law)}
-    extra = f'<custom><text name="net" data="{random_network(1, (3,)).text()}"/></custom>'
-    more: Values = {"weights": "text:net"} if law == "narx" else {}
-
-    def text(values: Values) -> str:
-        return document(slider(1.0), [Damper(law, {**values, **more})], (), extra=extra)
-
-    compiled(text(good))
-    for name in good:
-        assert f"'{name}'" in complaint(text(without(name, good)), "actuator 'mr'")
+def test_mjcf_takes_what_the_table_says(law: str) -> None:
+    """Each attribute: missing where it is the law's, as text, out of range, and alone beside the law's own."""
+    own = core.law_parameters(law)
+    for name in own:
+        line = complaint(of_law(law, {}).replace(config({name: 1.0}), "", 1), "actuator 'mr'")
+        assert f"'{name}'" in line
     for row in core.attributes():
-        says(complaint(text({**good, row.name: "much"}), "actuator 'mr'"), (f"'{row.name}'", "'much'"))
+        says(complaint(of_law(law, {row.name: "much"}), "actuator 'mr'"), (f"'{row.name}'", "'much'"))
+        foreign = row.group in ("law", "dependence") and row.name not in {*own, *core.law_options(law)}
+        value = min(max(0.5 if row.default is None else row.default, row.minimum), row.maximum)
+        if foreign:
+            line = complaint(of_law(law, {row.name: value}), "actuator 'mr'")
+            says(line, (f"'{row.name}' = ", f"is no parameter of law {law}"))
+        else:
+            compiled(of_law(law, {row.name: value}))
         for bound, beyond in ((row.minimum, -1.0), (row.maximum, 1.0)):
-            allowed = row.group not in ("law", "dependence") or row.name in good
-            if math.isfinite(bound) and allowed:
-                line = complaint(text({**good, row.name: bound + beyond}), "actuator 'mr'")
-                says(line, (row.name, "outside"))
+            if math.isfinite(bound) and not foreign:
+                says(complaint(of_law(law, {row.name: bound + beyond}), "actuator 'mr'"), (row.name, "outside"))
 
 
 def test_python_checks_as_mjcf_does() -> None:
@@ -226,9 +228,6 @@ def test_bad_value_at_run_time_is_one_line_too() -> None:
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "plugin_cpp" / "README.md").read_text(encoding="utf-8")
-WEIGHTS = (
-    "mrdamp-narx 1 sample_time 0.001 inputs 1 v:0 offset 0 scale 1 force 0 1 hidden 0 weight 300 bias 0 end"
-)
 NAMES = [row.name for row in core.attributes()]
 
 
@@ -253,46 +252,11 @@ def test_readme_has_the_tables_of_now() -> None:
         tool.replaced("no tables here")
 
 
-def test_attributes_of_an_effect_have_its_name() -> None:
-    others = {"law", "dependence", "command", "numerics"}
-    groups = dict.fromkeys(row.group for row in core.attributes() if row.group not in others)
-    assert list(groups) == list(effects())
+def test_attributes_of_an_effect_have_its_name_and_defaults_in_range() -> None:
     for row in core.attributes():
-        assert row.group in others or row.name.startswith(f"{row.group}_")
-
-
-def test_defaults_are_in_range() -> None:
-    for row in core.attributes():
+        assert row.group in {"law", "dependence", "command", "numerics"} or row.name.startswith(f"{row.group}_")
         assert row.minimum < row.maximum
         assert row.default is None or row.minimum <= row.default <= row.maximum
-
-
-def model(law: str, attributes: Values, sensor: Values | None = None) -> mujoco.MjModel:
-    extra = f'<custom><text name="net" data="{WEIGHTS}"/></custom>'
-    text = document(slider(1.0), [Damper(law, attributes)], [Sensor(attributes=sensor or {})], extra=extra)
-    return compiled(text)[0]
-
-
-def plain(law: str) -> dict[str, float | str]:
-    """Values a law can be made of."""
-    if law == "narx":
-        return {"weights": "text:net"}
-    return dict.fromkeys(core.law_parameters(law), 1.0)
-
-
-@pytest.mark.parametrize("law", core.laws())
-def test_mjcf_takes_what_the_table_says(law: str) -> None:
-    """Each attribute alone beside the law's own: taken, or refused by name where it is another law's."""
-    for row in core.attributes():
-        if row.name in core.law_parameters(law):
-            continue
-        value = min(max(0.5 if row.default is None else row.default, row.minimum), row.maximum)
-        attributes = {**plain(law), row.name: value}
-        if row.group in ("law", "dependence") and row.name not in core.law_options(law):
-            with pytest.raises(ValueError, match=f"'{row.name}' = .* is no parameter of law {law}"):
-                model(law, attributes)
-        else:
-            assert model(law, attributes).nplugin == 2
 
 
 def test_sensor_takes_what_the_readme_says() -> None:
@@ -302,12 +266,12 @@ def test_sensor_takes_what_the_readme_says() -> None:
     assert len(names) == 13
     for name in names:
         value = 0.5 if name == "sensor_lag_ratio" else 1.0  # a damping below the critical one
-        assert model("bingham", plain("bingham"), {name: value}).nsensor == 1
+        compiled(of_law("bingham", {}, {name: value}))
     assert len(first_column(signals)) == 12
     for name in first_column(signals):
-        assert model("bingham", plain("bingham"), {"signal": name}).nsensor == 1
+        compiled(of_law("bingham", {}, {"signal": name}))
     with pytest.raises(ValueError, match="driver_lag_tau"):
-        model("bingham", plain("bingham"), {"driver_lag_tau": 1.0})
+        compiled(of_law("bingham", {}, {"driver_lag_tau": 1.0}))
 
 
 def test_readme_examples_work(tmp_path: Path) -> None:
@@ -325,7 +289,8 @@ def test_readme_examples_work(tmp_path: Path) -> None:
 def test_readme_counts_the_state() -> None:
     numbers = [int(line.split("|")[1]) for line in section("State").splitlines() if re.match(r"\| \d", line)]
     base, chain, line, past = numbers
-    assert model("bingham", plain("bingham")).plugin_statenum.tolist() == [base + chain, 14]
-    for name in ("command_delay_d", "command_delay_period"):
-        assert model("bingham", {**plain("bingham"), name: 0.1}).plugin_statenum[0] == base + chain + line
-    assert model("narx", plain("narx")).plugin_statenum[0] == base + chain + past
+    for law, values, more in (
+        ("bingham", {}, 0), ("bingham", {"command_delay_d": 0.1}, line),
+        ("bingham", {"command_delay_period": 0.1}, line), ("narx", {}, past),
+    ):  # fmt: skip
+        assert compiled(of_law(law, values))[0].plugin_statenum.tolist() == [base + chain + more, 14]

@@ -55,15 +55,6 @@ def test_geometry_between_floors() -> None:
     np.testing.assert_allclose(frame.displacement(frame.drift(x)), x)
 
 
-def test_dictionary_round_trip() -> None:
-    frame = dyke1996(damper_between=(1, 2))
-    data, between = frame.to_dict(), list(frame.damper_between)
-    assert ShearFrame.from_dict(data, between) == frame
-    assert hash(ShearFrame.from_dict(data, between)) == hash(frame)
-    assert ShearFrame.from_dict(data, [0, 1]) != frame
-    assert frame != data
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict, replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +19,6 @@ from refusals import refuses
 from studies.blindtest import rows_file, run, score, seal
 from studies.blindtest.score import Row, Share
 from studies.blindtest.sizing import OWN
-
-POLICIES = resources.files("mrdamp") / "data" / "policies" / "frame"
 
 
 @pytest.mark.slow

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from excitation import Array
 from mrdamp.cli import main
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.control.force_control import ForceController
@@ -134,18 +133,6 @@ def test_what_is_imitated_is_the_wanted_force_of_the_teacher() -> None:
     assert found * np.diag(matrix) == pytest.approx(np.array(wanted), abs=1e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("environment", [FRAME, "mrdamp/Cable-v0"])
-def test_a_search_begins_at_its_teacher(environment: str, tmp_path: Path) -> None:
-    options = Options(environment, "es", overrides=("env_kwargs.timestep=0.001",))
-    chosen = settings(options)
-    run = EvolutionRun(options, chosen, tmp_path)
-    taught = run.network().layers[-1][0][0]
-    assert np.linalg.norm(taught) > float(chosen.learner["sigma"])
-    wrong = replace(options, overrides=(*options.overrides, "teacher=passive-on"))
-    refuses(lambda: EvolutionRun(wrong, settings(wrong), tmp_path), "passive-on: it has no wanted force")
-
-
 # --- whole trainings --------------------------------------------------------------------
 def test_a_training_writes_a_policy_and_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     whole = train(small(), tmp_path / "a")
@@ -188,27 +175,14 @@ def test_a_least_command_is_in_shares_of_the_damper_and_the_same_for_every_candi
         ("least={level: 1, fade: high}", "level and fade"),
         ("action=command", "least is for action: force"),
         ("env_kwargs.peaks={}", "needs env_kwargs.peaks"),
+        ("noise=-1", r"noise is -1\.0"),
+        ("teacher=passive-on", "passive-on: it has no wanted force"),
     ):
         given = small(0, wrong)
         refuses(partial(EvolutionRun, given, settings(given), tmp_path), said)
     none = EvolutionRun(small(0, "least=null"), settings(small(0, "least=null")), tmp_path)
     assert none.least() is None
     assert len(none.cma.mean) == len(run.cma.mean)
-
-
-def test_noise_is_the_same_for_every_candidate_and_in_every_run(tmp_path: Path) -> None:
-    def scores(noise: float, candidates: Array | None = None) -> Array:
-        options = small(0, f"noise={noise}", "least=null")
-        run = EvolutionRun(options, settings(options), tmp_path)
-        return run._scores(run.cma.ask() if candidates is None else candidates)
-
-    exact, noisy = scores(0.0), scores(0.5)
-    assert np.abs(noisy - exact).max() > 1e-3
-    assert (scores(0.5) == noisy).all()
-    one = EvolutionRun(small(0, "least=null"), settings(small(0, "least=null")), tmp_path).cma.ask()[:1]
-    alike = scores(0.5, np.repeat(one, len(noisy), axis=0))
-    assert alike == pytest.approx(np.full(len(noisy), alike[0]), rel=1e-12)
-    refuses(lambda: scores(-1.0), r"noise is -1\.0")
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,6 @@ from mrdamp.compare.contenders import shipped_policies  # noqa: E402
 from mrdamp.control.policy import Policy  # noqa: E402
 from mrdamp.errors import InputError  # noqa: E402
 from mrdamp.train.adjoint import AdjointRun  # noqa: E402
-from mrdamp.train.learn import train  # noqa: E402
 from mrdamp.train.settings import Options, settings  # noqa: E402
 from refusals import refuses  # noqa: E402
 
@@ -164,17 +163,6 @@ def test_what_is_exported_is_what_was_trained(run: AdjointRun, tmp_path: Path) -
     force = read.observer.measured(o, "force")
     np.testing.assert_allclose(read.commands(o, force), run.soft.commands(o), atol=2e-4)
     assert (run.soft.commands(o) > 0).any()
-
-
-@pytest.mark.slow
-def test_a_training_leaves_its_files_and_goes_on(tmp_path: Path) -> None:
-    result = train(options(steps=10_000), tmp_path)
-    begin, end = (row["timesteps"] for row in result.curve)
-    assert (begin, end >= 10_000) == (0, True)
-    assert Policy.read(tmp_path / "policy.json").teacher is not None
-    again = made(tmp_path)  # from the checkpoint
-    assert again.timesteps == end
-    refuses(lambda: train(options("loads=3", steps=60_000), tmp_path), "other options")
 
 
 @pytest.mark.slow
