@@ -1,11 +1,17 @@
-"""A state estimator for tests of what comes after the estimate."""
+"""Parts of controllers for tests: an estimator that knows the state, a policy that sees nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mrdamp.control.networks import Network
+from mrdamp.control.observe import Observer
+from mrdamp.control.policy import Policy
 
 Array = NDArray[np.float64]
 
@@ -21,3 +27,11 @@ class Known:
 
     def __call__(self, y: Mapping[str, float]) -> Array:
         return self.state
+
+
+def steady(path: Path, *actions: float, **more: Any) -> Path:
+    """Writes a policy of no layers to speak of: the same actions whatever it sees, every 5 ms, of 2.25 V at most."""
+    seen = Observer(("stroke", "force"), (1.0, 1.0), command_max=(2.25,) * len(actions))
+    network = Network(((np.zeros((len(actions), seen.size)), np.array(actions)),))
+    Policy("steady", 5e-3, seen, np.eye(seen.size), network, 2.25, **more).write(path)
+    return path

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from env_arguments import OWN
+from knowing import steady
 from mrdamp import cli
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.benches import bench_of
@@ -18,10 +19,7 @@ from mrdamp.compare.comparison import compare, distinct
 from mrdamp.compare.contenders import Contender, contenders
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.goals import GoalBench
-from mrdamp.control.networks import Network
-from mrdamp.control.observe import Observer
 from mrdamp.control.passive import Replay
-from mrdamp.control.policy import Policy
 from mrdamp.envs import RecordedMotions, StructureEnv
 from mrdamp.envs.linear import own_kind
 from mrdamp.motions import GroundMotion
@@ -96,7 +94,10 @@ def test_of_drawn_motions_none_is_known(structure: str) -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        {"places": {"base": (1, 0, 0, 0), "roof": (0, 0, 0, 1)}, "goals": {}},
+        {
+            "places": {"base": (1, 0, 0, 0), "roof": (0, 0, 0, 1)},
+            "goals": {k: replace(g, place="roof") for k, g in Isolated.goals.items()},
+        },
         {"places": {"base": (0, 1, 0, 0), "top": (0, 0, 0, 1)}},
         {"rod": "top"},
         {"validation": lambda self: [ONE.compressed(2.0)]},
@@ -106,12 +107,7 @@ def test_of_drawn_motions_none_is_known(structure: str) -> None:
 )
 def test_settings_belong_to_places_and_loads_of_their_structure(change: dict[str, Any]) -> None:
     def identity(**own: Any) -> str:
-        goals = (
-            {k: replace(g, place="roof") for k, g in Isolated.goals.items()}
-            if "goals" in own
-            else Isolated.goals
-        )
-        kind = type("Isolated", (Isolated,), {"validation": lambda self: [ONE], **own, "goals": goals})
+        kind = type("Isolated", (Isolated,), {"validation": lambda self: [ONE], **own})
         return GoalBench(kind()).identity()
 
     assert identity() == identity()
@@ -225,9 +221,8 @@ def test_a_source_that_draws_no_load_is_named() -> None:
 def test_a_policy_given_twice_is_one_seed(tmp_path: Path, bench: Bench) -> None:
     """The same file, and a copy in another layout; another bias is another seed."""
     files = [tmp_path / f"{name}.json" for name in ("a", "b", "c")]
-    for file, bias in zip(files, (0.0, 0.0, 0.5), strict=True):
-        network, seen = Network(((np.zeros((1, 3)), np.array([bias])),)), Observer(("stroke", "force"), (1.0, 1.0))
-        Policy("steady", 5e-3, seen, np.eye(3), network, 1.0).write(file)
+    for file, action in zip(files, (0.0, 0.0, 0.5), strict=True):
+        steady(file, action)
     files[1].write_text(json.dumps(json.loads(files[1].read_text()), indent=3))
     rows = contenders(bench, [f"mine=policy:{','.join(str(files[k]) for k in (0, 0, 1, 2))}"], {})
     assert rows[0].specs == (f"policy:{files[0]}", f"policy:{files[2]}")
@@ -253,32 +248,19 @@ def test_json_stays_json_beside_what_a_controller_prints(
     assert "reset" in err
 
 
-#: Ends within a swing: the largest drifts come after it.
-LATE = GroundMotion("late", 5e-3, np.linspace(0.0, 1.0, 101) ** 4)
 def late(structure: str) -> Any:
+    """A load that ends within a swing: the largest drifts come after it."""
     if structure == OWN:
-        return LATE
+        return GroundMotion("late", 5e-3, np.linspace(0.0, 1.0, 101) ** 4)
     load = bench_of(structure).unseen_loads()[0]
-    return (
-        replace(load, force=load.force[:100])
-        if structure == "cable"
-        else replace(load, height=load.height[:300])
-    )
+    return replace(load, force=load.force[:100]) if structure == "cable" else replace(load, height=load.height[:300])
 
 
 @pytest.mark.parametrize("structure", ["cable", "car", OWN])
 def test_a_constant_command_has_one_score_at_every_period(structure: str) -> None:
     """Of a controller of its own period, and of all controllers by `period`; the same seconds by the same engine."""
     load, found = late(structure), []
-    for own, period in (
-        (5e-4, 5e-3),
-        (1e-3, 5e-3),
-        (2e-3, 5e-3),
-        (5e-3, 5e-3),
-        (2e-2, 5e-3),
-        (1e-3, 1e-3),
-        (2e-2, 2e-2),
-    ):
+    for own, period in (*((t, 5e-3) for t in (5e-4, 1e-3, 2e-3, 5e-3, 2e-2)), (1e-3, 1e-3), (2e-2, 2e-2)):
         bench = bench_of(structure, engine="chain", period=period)
         kept = bench.driven(Replay([bench.command_max], own), load, 1.0)  # type: ignore[attr-defined]
         values = bench.values(kept, bench.run("uncontrolled", load, 1.0))

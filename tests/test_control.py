@@ -18,6 +18,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import StateSpace, lsim
 
 from command_call import caller
+from knowing import steady
 from mrdamp.commands import controllers
 from mrdamp.compare.contenders import contenders
 from mrdamp.compare.dyke1996 import frame_model
@@ -26,9 +27,7 @@ from mrdamp.control import clipped_optimal
 from mrdamp.control.force_control import clip
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.lqg import first_order_hold, outputs, plant, regulator_gain
-from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.policy import Policy
 from mrdamp.envs import FrameEnv
 from mrdamp.envs.frame_xml import frame_models, frame_xml
 from mrdamp.errors import InputError
@@ -279,17 +278,14 @@ def test_a_model_of_stable_baselines3_commands_both(file: Path, tmp_path: Path) 
 
 def test_a_policys_outputs_are_the_dampers_commands(file: Path, tmp_path: Path) -> None:
     """Actions 0 and -1/2 are a half and a quarter of 2.25 V, in a run and in rows of many."""
-    seen = Observer(("stroke", "force_2"), (1.0, 1.0), command_max=(2.25, 2.25))
-    network = Network(((np.zeros((2, 4)), np.array([0.0, -0.5])),))
-    Policy("both", 5e-3, seen, np.eye(4), network, 2.25).write(tmp_path / "policy.json")
-    made = bench(file)
-    ((spec,),) = (row.specs for row in contenders(made, [f"mine=policy:{tmp_path / 'policy.json'}"], {}))
+    both, made = steady(tmp_path / "policy.json", 0.0, -0.5), bench(file)
+    ((spec,),) = (row.specs for row in contenders(made, [f"mine=policy:{both}"], {}))
     found = made.history(spec, LOAD, 1.0).command
     np.testing.assert_allclose(found, np.tile([1.125, 0.5625], (len(found), 1)), rtol=1e-12)
     rows = made.controller(spec).command(0.0, dict.fromkeys(made.measured, np.zeros(3)))  # type: ignore[arg-type]
     np.testing.assert_allclose(rows, [[1.125] * 3, [0.5625] * 3], rtol=1e-12)
     least = LeastCommand(1.0, 2.0, 1.0, 1.0)
-    refuses(lambda: Policy("b", 5e-3, seen, np.eye(4), network, 2.25, least=least), "for 2 dampers; allowed")
+    refuses(lambda: steady(both, 0.0, -0.5, least=least), "for 2 dampers; allowed")
 
 
 def test_the_pages_command_is_the_one_that_was_given() -> None:

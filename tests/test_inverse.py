@@ -8,16 +8,12 @@ from collections import deque
 import numpy as np
 import pytest
 
-from excitation import Array
-from mrdamp import sets
 from mrdamp.errors import InputError
 from mrdamp.inverse import Inverse, LawInverse
 from mrdamp.inverse.base import Extrapolation, command_range
-from mrdamp.inverse.baselines import Fixed, Switching
 from mrdamp.inverse.law import search
 from mrdamp.model import Effect, Model
 from refusals import refuses
-from twin_laws import BoucWen, Law, ModifiedBoucWen, Softening
 
 PERIOD = 1e-3
 BINGHAM = {"c0a": 400.0, "c0b": 150.0, "fya": 50.0, "fyb": 600.0, "v_ref": 0.01, "command_min": 0.0,
@@ -86,57 +82,6 @@ def test_what_is_on_its_way_through_a_delay_is_counted() -> None:
     inside = (np.array(got) > 0.0) & (np.array(got) < 2.0)
     assert inside[5:].mean() > 0.6
     np.testing.assert_allclose(np.array(reached)[5:][inside[5:]], levels[5:][inside[5:]], atol=0.01)
-
-
-def steer(law: Law, tau: float, inverse: Inverse, wanted: Array, x: Array, v: Array) -> Array:
-    """Force (n,) of a law from its paper behind a first-order driver, RK4 at a quarter of the period."""
-    soft, state, current = Softening(), law.start(0.0), 0.0
-    inverse.reset()
-    force = np.empty(len(wanted))
-    for k in range(len(wanted)):
-        force[k] = sum(law.forces(state, x[k], v[k], current, soft))
-        y = {"stroke": float(x[k]), "stroke_velocity": float(v[k]), "force": float(force[k])}
-        command = inverse.command(k * PERIOD, float(wanted[k]), y)
-        if k + 1 == len(wanted):
-            break
-        h, start = PERIOD / 8, current
-        for j in range(8):
-            t = np.array([j, j + 0.5, j + 1]) / 8
-            xs, vs = x[k] + t * (x[k + 1] - x[k]), v[k] + t * (v[k + 1] - v[k])
-            us = command + (start - command) * np.exp(-t * PERIOD / tau)
-            k1 = law.rates(state, xs[0], vs[0], us[0], soft)
-            k2 = law.rates([s + h / 2 * r for s, r in zip(state, k1, strict=True)], xs[1], vs[1], us[1], soft)
-            k3 = law.rates([s + h / 2 * r for s, r in zip(state, k2, strict=True)], xs[1], vs[1], us[1], soft)
-            k4 = law.rates([s + h * r for s, r in zip(state, k3, strict=True)], xs[2], vs[2], us[2], soft)
-            state = [
-                s + h / 6 * (a + 2 * b + 2 * c + d)
-                for s, a, b, c, d in zip(state, k1, k2, k3, k4, strict=True)
-            ]
-        current = float(us[2])
-    return force
-
-
-@pytest.mark.parametrize("id", ["dyke1996_3kN", "bw_50kN_amini"])
-def test_hysteretic_laws_track_three_times_as_well_as_switching(id: str) -> None:
-    found = sets.load(id)
-    tau = 0.005
-    p = dict(found.parameters)
-    model = Model(found.law, p, (Effect("driver_lag", {"tau": tau}),))
-    law: Law = ModifiedBoucWen(p) if found.law == "modified_bouc_wen" else BoucWen(p)
-    size = 0.004 if id.startswith("dyke") else 0.02
-    t = PERIOD * np.arange(1200)
-    x = size * (np.sin(9 * t) + 0.5 * np.sin(17 * t + 1)) - size * 0.5 * np.sin(1)
-    v = size * (9 * np.cos(9 * t) + 8.5 * np.cos(17 * t + 1))
-    none = steer(law, tau, Fixed(0.0), np.zeros(1200), x, v)
-    full = steer(law, tau, Fixed(found.command.max), np.zeros(1200), x, v)
-    wanted = none + (0.5 + 0.35 * np.sin(6.3 * t) + 0.1 * np.sin(23 * t)) * (full - none)
-    runs = [
-        steer(law, tau, inverse, wanted, x, v)
-        for inverse in (LawInverse(model, PERIOD), Switching(found.command.max))
-    ]
-    inverse, switching = (float(np.sqrt(np.mean((f - wanted)[100:] ** 2) / np.mean(wanted**2))) for f in runs)
-    assert inverse < 0.05
-    assert switching > 3 * inverse
 
 
 @pytest.mark.parametrize(("feedback", "left"), [(False, 100.0), (True, 0.0)])

@@ -13,9 +13,10 @@ from matplotlib.figure import Figure
 
 from command_call import caller
 from excitation import Array
+from mrdamp import sets
 from mrdamp.commands.inverse import add_to
 from mrdamp.inverse import LawInverse
-from mrdamp.inverse.baselines import Fixed
+from mrdamp.inverse.baselines import Fixed, Switching
 from mrdamp.inverse.network import LAGS, NetworkInverse, train_inverse
 from mrdamp.inverse.rig import Sizes, records_of
 from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, rms, track
@@ -103,6 +104,19 @@ def test_the_law_tracks_in_mujoco_and_noise_does_not_undo_it() -> None:
     assert run.relative_error < 0.06
     noisy = track(MODEL, MOTION, wanted, LawInverse(MODEL), noise=(2e-6, 2e-4, 5.0), seed=1)
     assert run.relative_error < noisy.relative_error < 0.1
+
+
+@pytest.mark.parametrize(("id", "stroke"), [("dyke1996_3kN", 4e-3), ("bw_50kN_amini", 0.02)])
+def test_hysteretic_laws_track_three_times_as_well_as_switching(id: str, stroke: float) -> None:
+    found = sets.load(id)
+    model, motion = Model(found.law, found.parameters, (LAG,)), RandomMotion(stroke, 0.5, 4.0, 1)
+    off, on = (track(model, motion, np.zeros(4000), Fixed(u)).force for u in (0.0, found.command.max))
+    wanted = wanted_force("between", off, on, 4)
+    inverse, switching = (
+        track(model, motion, wanted, way).relative_error for way in (LawInverse(model), Switching(found.command.max))
+    )
+    assert inverse < 0.06
+    assert switching > 3 * inverse
 
 
 def test_a_ringing_of_the_wanted_force_is_not_led() -> None:

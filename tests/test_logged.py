@@ -26,7 +26,6 @@ from mrdamp.records.log_filter import (
     jumps,
     logged,
     rings_before_jumps,
-    without_waves,
 )
 from mrdamp.simulation.predict import free_run
 
@@ -215,24 +214,6 @@ def error(force: Array, record: Record) -> float:
     keep = slice(60, -60)
     want = record.channel("force_N")[keep]
     return float(np.sqrt(np.mean((force[keep] - want) ** 2) / np.mean(want**2)))
-
-
-def test_only_waves_are_taken_off() -> None:
-    real = steps()
-    log = decimated(real)
-    held = without_waves(log, log)
-    assert held is not None
-    keep = slice(30, -30)
-    levels = np.unique(np.round(real, 9))
-    off = np.abs(held[keep, None] - levels).min(axis=1)
-    between = np.abs(np.diff(real[::EVERY], prepend=0.0)) > 0
-    near = np.convolve(between, np.ones(7), mode="same")[keep] > 0
-    assert off[~near].max() < 0.01 * levels.max()
-    assert np.abs(log[keep, None] - levels).min(axis=1)[~near].max() > 0.01 * levels.max()
-    assert held[keep].max() <= levels.max() * 1.002
-    assert without_waves(real[::EVERY], real[::EVERY]) is None
-    ramp = np.interp(np.arange(2000), [0, 700, 1400, 2000], [0.0, 1.0, 0.2, 0.9])
-    assert without_waves(ramp, ramp) is None
 
 
 def test_a_memory_is_not_led_along_the_waves(record: Record) -> None:

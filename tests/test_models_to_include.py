@@ -22,12 +22,6 @@ ROOT = Path(__file__).parents[1]
 CORNERS = ("fl_", "fr_", "rl_", "rr_")
 
 
-def car(timestep: float, integrator: mujoco.mjtIntegrator) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    model = mujoco.MjModel.from_xml_path(str(models_xml.path("car")))
-    model.opt.timestep, model.opt.integrator = timestep, integrator
-    return model, mujoco.MjData(model)
-
-
 @pytest.mark.parametrize("file", ["model.xml", "scene.xml"])
 def test_the_car_stands_on_springs_and_tyres(file: str) -> None:
     """By hand: 1600 kg on four springs of 20 kN/m, 1760 kg on four tyres of 210 kN/m."""
@@ -46,32 +40,6 @@ def test_the_car_stands_on_springs_and_tyres(file: str) -> None:
     assert np.abs(data.qvel).max() < 1e-3
     for camera in ("side", "corner"):
         assert model.camera(camera).id >= 0
-
-
-def over_the_bumps(timestep: float, integrator: mujoco.mjtIntegrator, command: float) -> Array:
-    """Strokes (n, 4) every 10 ms, at 5 m/s."""
-    model, data = car(timestep, integrator)
-    data.qvel[0] = 5.0
-    for corner in CORNERS:
-        data.joint(f"{corner}suspension").qpos[0] = 0.024
-        data.joint(f"{corner}spin").qvel[0] = 5.0 / 0.31
-        data.actuator(f"{corner}damper").ctrl[0] = command
-    data.actuator("drive_left").ctrl[0] = data.actuator("drive_right").ctrl[0] = 5.0 / 0.31
-    found = []
-    for k in range(round(2.2 / timestep)):
-        mujoco.mj_step(model, data)
-        if (k + 1) % round(0.01 / timestep) == 0:
-            found.append([data.joint(f"{corner}suspension").qpos[0] for corner in CORNERS])
-    return np.array(found)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("command", "limit"), [(0.0, 0.006), (1.0, 0.002), (2.0, 0.002)])
-def test_the_car_over_bumps_is_that_of_runge_kutta(command: float, limit: float) -> None:
-    truth = over_the_bumps(2e-5, mujoco.mjtIntegrator.mjINT_RK4, command)
-    found = over_the_bumps(1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST, command)
-    assert np.ptp(truth[:, 0]) > 0.02
-    assert np.abs(found - truth).max() < limit
 
 
 @pytest.mark.parametrize("id", sets.names())

@@ -19,6 +19,7 @@ from scipy.signal import lfilter
 
 from command_call import caller
 from env_arguments import OWN as ISOLATED
+from knowing import steady
 from mrdamp.commands.controllers import add_to
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare
@@ -26,8 +27,6 @@ from mrdamp.compare.contenders import contenders
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.control import registry
-from mrdamp.control.networks import Network
-from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
 from mrdamp.control.told import told
 from mrdamp.envs import FrameEnv
@@ -177,10 +176,7 @@ def test_a_policy_of_another_structure_is_refused(tmp_path: Path, structure: str
     loop."""
     bench, file = bench_of(structure), tmp_path / "policy.json"
     for trained in ("", *STRUCTURES.values(), "elsewhere/another_file.py:Isolated", "file.py:Other"):
-        network = Network(((np.zeros((1, 3)), np.zeros(1)),))
-        about = {"options": {"environment": trained}} if trained else {}
-        seen = Observer(("stroke", "force"), (1.0, 1.0))
-        Policy("steady", 5e-3, seen, np.eye(3), network, 1.0, about=about).write(file)
+        steady(file, 0.0, about={"options": {"environment": trained}} if trained else {})
         fits = not trained or trained.rpartition(":")[2] == STRUCTURES[structure].rpartition(":")[2]
         for load in (
             partial(contenders, bench, [f"mine=policy:{file}"], {}),

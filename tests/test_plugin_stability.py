@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -14,7 +13,7 @@ from mjcf_builders import Damper, Values, compiled, dashpot, document, oscillato
 from mrdamp import sets
 from mrdamp.model import core
 from networks import Network
-from twin_laws import value, z_limit
+from twin_laws import value
 
 INTEGRATORS = ("Euler", "implicitfast")
 
@@ -50,26 +49,6 @@ def resistance(id: str, u: float) -> tuple[float, float]:
     return abs(float(force[-1])), speed
 
 
-def hysteretic_energy(p: Mapping[str, float], z: float) -> float:
-    """Energy of z at ``alpha = 1``, in units of z times m: the integral of s / (A + (gamma - beta) s^n) from 0 to z."""
-    nodes, weights = np.polynomial.legendre.leggauss(24)
-    s = 0.5 * z * (nodes + 1.0)
-    return float(0.5 * z * (s / (p["A"] + (p["gamma"] - p["beta"]) * s ** p["n"]) @ weights))
-
-
-def most_stored(law: str, p: Mapping[str, float], u: float, force: float) -> float:
-    """Energy (J) the inner elements can hold where the force within is at most `force`."""
-    if law == "bingham":
-        return 0.0
-    if law == "hyperbolic_tangent":
-        return force**2 / (2.0 * value(p, "k1", u)) + p["m0"] * 1.0**2 / 2.0
-    fall = p.get("hysteresis_floor", 0.0) + (1.0 - p.get("hysteresis_floor", 0.0)) * math.exp(
-        -p.get("hysteresis_rate", 0.0) * u
-    )
-    softer = {**p, "gamma": p["gamma"] * fall, "beta": p["beta"] * fall}
-    return value(p, "alpha_", u) * hysteretic_energy(softer, z_limit(softer))
-
-
 @pytest.mark.parametrize(
     ("level", "ratio", "integrator"), [(1.0, 1.0, "Euler"), (0.0, 10.0, "implicitfast"), (1.0, 30.0, "implicitfast")]
 )
@@ -84,7 +63,7 @@ def test_light_mass_is_stopped(id: str, level: float, ratio: float, integrator: 
     model, data = oscillator(law, p, mass, 0.0, timestep, integrator=integrator)
     data.qvel[0], data.ctrl[0] = speed, u
     track = step_through(model, data, 10_000)
-    x, v = track.x[:, 0], track.v[:, 0]
+    v = track.v[:, 0]
     assert np.all(np.isfinite(v))
     # the springs beside the hysteresis go on relaxing: their force over the dashpot is the speed left
     preload = p.get("k1", 0.0) * abs(p.get("x0", 0.0)) if law == "modified_bouc_wen" else 0.0
@@ -93,11 +72,6 @@ def test_light_mass_is_stopped(id: str, level: float, ratio: float, integrator: 
     turns = v[:-1] * v[1:] < 0.0  # four in a row, with nothing lost, are no oscillation of the structure
     row = turns[:-3] & turns[1:-2] & turns[2:-1] & turns[3:]
     assert not np.any(row & (np.abs(v[4:]) > 0.8 * np.abs(v[:-4])) & (np.abs(v[4:]) > 1e-6 * speed))
-    # energy: what is not in motion or in the springs is in the hysteresis, which holds little, or gone
-    springs = 0.5 * p.get("k1" if law == "modified_bouc_wen" else "k0", 0.0) * (x - p.get("x0", 0.0)) ** 2
-    energy = 0.5 * mass * v**2 + springs
-    rise = np.max(energy - np.minimum.accumulate(energy))
-    assert rise < 1.02 * most_stored(law, p, u, 1.5 * force) + 0.01 * energy[0]
 
 
 def ratio_of_damping(

@@ -41,12 +41,16 @@ TANH = {
 }  # fmt: skip
 LAWS = {"modified_bouc_wen": SPENCER, "hyperbolic_tangent": TANH}
 
+SERIES = Effect("trapped_gas", {"force": 200.0, "s_g": 5e-4, "shape": 1.2, "width": 5e-3, "series": 1.0})
 EFFECTS = {
-    "none": (),
-    "driver, friction, mass": (
+    "driver, friction, mass, heat, gas, remanence, lag": (
         Effect("driver_lag", {"tau": 0.01, "tau2": 0.003}),
+        Effect("remanence", {"b": 0.1, "d": 0.2}),
+        Effect("heating", {"kappa": 0.02, "kappa_yield": 0.01, "capacity": 50.0, "loss": 1.0}),
+        Effect("trapped_gas", {"d": 0.4}),
         Effect("seal_friction", {"coulomb": 40.0, "breakaway": 1.5}),
         Effect("moving_mass", {"m": 3.0}),
+        Effect("sensor_lag", {"tau": 0.004}),
     ),
     "delay, mount, gap, leak": (
         Effect("command_delay", {"d": 0.012}),
@@ -54,20 +58,8 @@ EFFECTS = {
         Effect("backlash", {"gap": 4e-4}),
         Effect("sensor_leakage", {"tau": 0.5}),
     ),
-    "heat, gas, remanence, lag": (
-        Effect("heating", {"kappa": 0.02, "kappa_yield": 0.01, "capacity": 50.0, "loss": 1.0}),
-        Effect("trapped_gas", {"d": 0.4}),
-        Effect("remanence", {"b": 0.1, "d": 0.2}),
-        Effect("sensor_lag", {"tau": 0.004}),
-    ),
-    "a valve's plate, gas in series": (
-        Effect("asymmetry", {"a": 0.2, "force": 300.0, "time": 0.02}),
-        Effect("trapped_gas", {"force": 200.0, "s_g": 5e-4, "shape": 1.2, "width": 5e-3, "series": 1.0}),
-    ),
-    "gas in series behind a mount": (
-        Effect("mount_compliance", {"k": 2e6}),
-        Effect("trapped_gas", {"force": 200.0, "s_g": 5e-4, "shape": 1.2, "width": 5e-3, "series": 1.0}),
-    ),
+    "a valve's plate, gas in series": (Effect("asymmetry", {"a": 0.2, "force": 300.0, "time": 0.02}), SERIES),
+    "gas in series behind a mount": (Effect("mount_compliance", {"k": 2e6}), SERIES),
     "shift, saturation, gain": (
         Effect("channel_shift", {"d": 0.003}),
         Effect("saturation", {"i_s": 1.0, "shape": 1.0}),
@@ -99,9 +91,7 @@ FRAME_EFFECTS = {
         Effect("storey_damping", {"e": 2.0}, 1),
         Effect("joint_friction", {"coulomb": 60.0, "width": 0.003}, 3),
     ),
-    "gas in series": (
-        Effect("trapped_gas", {"force": 300.0, "s_g": 5e-4, "shape": 1.2, "width": 5e-3, "series": 1.0}),
-    ),
+    "gas in series": (SERIES,),
     "driver and sensors": (
         Effect("driver_lag", {"tau": 0.01}),
         Effect("sensor_gain", {"g": 1.3}, 3),
@@ -296,14 +286,7 @@ def written(folder: Path, **keys: object) -> Path:
     r = noisy(clean("jumping", 1, "held"), 1)
     r.save(folder / "a.csv")
     nominal, channels = believed().to_dict()["model"], [n for n in r.channels if n != "time_s"]
-    data = {
-        "name": "x",
-        "format": 1,
-        "rig": "frame",
-        "nominal": nominal,
-        "channels": channels,
-        "records": ["a.csv"],
-    }
+    data = {"name": "x", "format": 1, "rig": "frame", "nominal": nominal, "channels": channels, "records": ["a.csv"]}
     (folder / "case.json").write_text(json.dumps(data | keys))
     return folder
 

@@ -48,19 +48,19 @@ def frames(n: int = 2) -> tuple[FrameTask, PlantVecEnv]:
     return task, venv
 
 
-def nothing(task: FrameTask, **named: Any) -> Policy:
-    """A policy whose network says nothing."""
+def constant(task: Task, action: float, **named: Any) -> Policy:
+    """A policy with an action whatever is seen."""
     size = task.observer.size
-    net = Network(((np.zeros((1, size)), np.zeros(1)),))
-    fresh = Observer.from_dict(task.observer.to_dict())
-    return Policy(
-        "p", PERIOD, fresh, np.eye(size), net, 2.25, ForceLevels((0.0, 2.25), (100.0, 1100.0)), **named
-    )
+    net, fresh = Network(((np.zeros((1, size)), np.array([action])),)), Observer.from_dict(task.observer.to_dict())
+    return Policy("p", task.rows.period, fresh, np.eye(size), net, float(task.command_max[0]), **named)
+
+
+LEVELS = ForceLevels((0.0, 2.25), (100.0, 1100.0))
 
 
 def test_actions_become_the_commands_of_the_policy() -> None:
     task, venv = frames()
-    wrapped = PolicyAction(venv, task, nothing(task))
+    wrapped = PolicyAction(venv, task, constant(task, 0.0, levels=LEVELS))
     seen = wrapped.reset()
     column = task.observer.signals.index("force")
     for action in (0.5, -0.5, 0.9, -0.05):
@@ -77,12 +77,11 @@ def test_a_learner_corrects_its_teacher_by_its_reach() -> None:
     task, _ = frames()
     rng = np.random.default_rng(0)
     teacher = 0.1 * rng.standard_normal(task.observer.size)
-    policy = nothing(task, teacher=teacher, reach=0.25)
+    policy = constant(task, 0.0, levels=LEVELS, teacher=teacher, reach=0.25)
     seen = rng.standard_normal((9, task.observer.size)).astype(np.float32)
     force, actions = forces(task, seen), rng.uniform(-1, 1, 9)
     wanted = 1100.0 * np.clip(seen.astype(float) @ teacher + 0.25 * actions, -1, 1)
-    assert policy.levels is not None
-    assert policy.driven(actions, seen, force) == pytest.approx(policy.levels.command(wanted, force))
+    assert policy.driven(actions, seen, force) == pytest.approx(LEVELS.command(wanted, force))
     assert np.abs(policy.driven(actions, seen, force) - policy.commands(seen, force)).max() > 0.05
 
 
@@ -299,21 +298,13 @@ PLAIN_KWARGS: dict[str, dict[str, Any]] = {
 BASE, OTHER = 0.3, 0.33
 
 
-def constant(task: Task, share: float) -> Policy:
-    """A share of the largest command, whatever is seen."""
-    size = task.observer.size
-    net = Network(((np.zeros((1, size)), np.array([2.0 * share - 1.0])),))
-    fresh = Observer.from_dict(task.observer.to_dict())
-    return Policy("c", task.rows.period, fresh, np.eye(size), net, float(task.command_max[0]))
-
-
 def pooled(environment: str, count: int = 3) -> tuple[World, Task, list[Known]]:
     chosen = world(environment, PLAIN_KWARGS.get(environment, {}))
     rng = np.random.default_rng(1)
     roads = [iso8608("C", 15.0, 2.0, seed) for seed in range(count)]
     loads = roads if environment == CAR else chosen.structure.some(rng, count)
     task = chosen.task(2)
-    runs = known(chosen, task, loads, constant(task, BASE))
+    runs = known(chosen, task, loads, constant(task, 2 * BASE - 1))
     return chosen, chosen.task(2, "chain", Drawn([run.load for run in runs])), runs
 
 
@@ -342,7 +333,7 @@ def test_an_episode_pays_what_the_score_gains(environment: str, exponent: float)
     lessons = Lessons(PlantVecEnv(task), chosen, task, runs, exponent, scale=1.0)
     assert all(abs(v) < 2e-5 for v in paid(lessons, BASE, runs).values())
     gains = paid(lessons, OTHER, runs)
-    other = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, OTHER))
+    other = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, 2 * OTHER - 1))
     shares = chosen.shares
     for k, (run, moved) in enumerate(zip(runs, other, strict=True)):
         if chosen.kind.exponent == 2.0:
@@ -360,7 +351,7 @@ def test_a_renewed_base_is_worth_nothing_more_and_the_current_has_its_price() ->
     free = paid(lessons, OTHER, runs)
     dear = paid(Lessons(PlantVecEnv(task), chosen, task, runs, 8.0, price=0.5, scale=1.0), OTHER, runs)
     assert [free[k] - dear[k] for k in free] == pytest.approx([0.5 * OTHER] * len(runs), rel=0.02)
-    lessons.renew(known(chosen, chosen.task(2), [r.load for r in runs], constant(task, OTHER)))
+    lessons.renew(known(chosen, chosen.task(2), [r.load for r in runs], constant(task, 2 * OTHER - 1)))
     assert all(abs(v) < 2e-5 < abs(free[k]) for k, v in paid(lessons, OTHER, runs).items())
 
 
@@ -368,7 +359,7 @@ def test_what_goes_wrong_costs_along_the_tangent() -> None:
     chosen, task, runs = pooled(FRAME)
     p, knee = 16.0, 1.1
     found = paid(Lessons(PlantVecEnv(task), chosen, task, runs, p, scale=1.0), 0.0, runs)
-    released = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, 0.0))
+    released = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, -1.0))
     shares, worse = chosen.shares, 0
     for k, (run, moved) in enumerate(zip(runs, released, strict=True)):
         x, b = (r.criteria / run.criteria.max(axis=0) for r in (moved, run))

@@ -126,26 +126,6 @@ def test_parameters_of_each_world() -> None:
 
 
 @pytest.mark.slow
-def test_a_world_begins_anew_where_its_time_goes_back() -> None:
-    mujoco_warp = pytest.importorskip("mujoco_warp", reason="the extra `warp` is not installed")
-    from mrdamp.warp import put_model
-
-    model, dampers = put_model(FRAME)
-    data = dampers.make_data(1)
-    runs = []
-    for _ in range(2):
-        mujoco_warp.reset_data(model, data)
-        run = []
-        for k in range(40):
-            data.ctrl.assign(np.array([[5.0 * np.sin(0.1 * k), 1.0]], dtype=np.float32))
-            mujoco_warp.step(model, data)
-            run.append(data.sensordata.numpy()[0].copy())
-        runs.append(np.array(run))
-    np.testing.assert_allclose(runs[0], runs[1], atol=1e-12)
-    assert np.abs(runs[0][:, -1]).max() > 10.0  # N, the force sensor
-
-
-@pytest.mark.slow
 def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """With fewer worlds and steps, on the CPU device."""
     pytest.importorskip("mujoco_warp", reason="the extra `warp` is not installed")
