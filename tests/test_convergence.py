@@ -137,15 +137,6 @@ def test_a_preloaded_damper_rests_on_its_mount() -> None:
         np.testing.assert_allclose(still["piston"], k1 * x0 / (k + k1), rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    "extra", [{"mount_compliance_k": 2e6}, {"backlash_gap": 3e-4}, {"backlash_gap": 4e-3}]
-)
-@pytest.mark.parametrize("side", ["asymmetry_a", "asymmetry_yield"])
-@pytest.mark.parametrize("law", ["bouc_wen", "hyperbolic_tangent"])
-def test_a_direction_behind_a_mount_has_one_answer(law: str, side: str, extra: dict[str, float]) -> None:
-    assert convergence.error(Draw(law, (), {**extra, side: 0.3})) < 0.01
-
-
 MOTION = kanai_tajimi(3, duration=5.0, pga=5.0).compressed(5.0)
 BINGHAM = {"c0a": 900.0, "c0b": 500.0, "fya": 60.0, "fyb": 400.0, "v_ref": 0.004}
 

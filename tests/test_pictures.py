@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -20,13 +19,11 @@ from matplotlib.transforms import Affine2D, Bbox
 
 from mrdamp import pictures
 from mrdamp.pictures import LoopData, style
-from mrdamp.pictures.compare import Bar, ranking, search_paths, share_ranking
+from mrdamp.pictures.compare import Bar, search_paths, share_ranking
 from mrdamp.pictures.damper import overview
-from mrdamp.pictures.diagnosis import probabilities
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.structures import ShearFrame
 from refusals import refuses
-from studies.blindtest.pictures import shrinking
 
 LONG = "a_record_with_a_name_that_goes_on_and_on_for_no_reason_at_all_2.5Hz_10.0mm"
 TIME = np.arange(0.0, 4.0, 0.002)
@@ -195,6 +192,8 @@ def test_a_very_long_bar_is_cut_and_says_its_value() -> None:
         (lambda: pictures.controllers({}), "controllers has nothing to show"),
         (lambda: pictures.profile({"a": one_run(2), "b": one_run(3)}), "b has 3 storeys and a has 2"),
         (lambda: pictures.command_history(TIME, {"a": TIME}, {"b": TIME}), "name the same"),
+        (lambda: share_ranking({"clairvoyant": []}), "nothing to show"),
+        (lambda: search_paths({"clairvoyant": {}}), "nothing to show"),
     ],
 )
 def test_what_cannot_be_drawn_is_one_line(make: Callable[[], object], said: str) -> None:
@@ -318,35 +317,6 @@ def test_names_are_written_as_they_are() -> None:
         assert not written[0].get_parse_math()
 
 
-# --- scales
-def written(fig: Figure, axis: str) -> list[str]:
-    """Labels of the first axes' ticks within its limits."""
-    fig.draw_without_rendering()
-    ax = getattr(fig.axes[0], axis)
-    low, high = sorted(ax.get_view_interval())
-    return [t.label1.get_text() for t in ax.get_major_ticks() if low <= t.get_loc() <= high]
-
-
-@pytest.mark.parametrize("low", [1e-4, 1e-2, 0.1])
-def test_a_logarithmic_axis_has_plain_numbers(low: float) -> None:
-    before = np.geomspace(10 * low, 0.9, 12)
-    labels = written(shrinking(list(before), list(0.1 * before), [True] * 12), "yaxis")
-    assert len(labels) >= 3
-    values = [float(label) for label in labels]  # and no formula
-    assert all(0 < a < b <= 100 for a, b in itertools.pairwise(values))
-
-
-def test_controllers_that_all_have_zero() -> None:
-    bars = [Bar(name, 0.0, 0.0, 0.0, np.zeros(1)) for name in ("passive-off", "passive-on")]
-    assert ranking({"switching": bars}).axes[0].get_xlim()[1] > 0
-
-
-@pytest.mark.parametrize(("count", "told"), [(7, "1 other"), (9, "3 others")])
-def test_the_rest_is_counted(count: int, told: str) -> None:
-    labels = written(probabilities({f"cause_{k}": 1 / count for k in range(count)}), "yaxis")
-    assert told in labels
-
-
 def test_shares_are_drawn_from_minus_one_to_the_bound() -> None:
     nan = float("nan")
     rows = [
@@ -362,5 +332,3 @@ def test_shares_are_drawn_from_minus_one_to_the_bound() -> None:
     assert low < -1
     assert high > 1
     assert [a.get_title(loc="left") for a in fig.axes[:2]] == ["clairvoyant", "drift"]
-    refuses(lambda: share_ranking({"clairvoyant": []}), "nothing to show")
-    refuses(lambda: search_paths({"clairvoyant": {}}), "nothing to show")

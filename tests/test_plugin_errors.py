@@ -173,7 +173,7 @@ NET = f'<custom><text name="net" data="{random_network(1, (3,)).text()}"/></cust
 
 
 def of_law(law: str, values: Values, sensor: Values | None = None) -> str:
-    """A model of a damper with all that its law needs, less what is None."""
+    """A model of a damper with all that its law needs."""
     good: dict[str, float | str] = dict.fromkeys(core.law_parameters(law), 1.0) or {"weights": "text:net"}
     sensors = [Sensor(attributes=sensor or {})]
     return document(slider(1.0), [Damper(law, {**good, **values})], sensors, extra=NET)
