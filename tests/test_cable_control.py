@@ -177,19 +177,3 @@ def test_bang_bang_on_a_cable_is_on_where_the_force_takes_the_function_down(kind
         assert on == (float(gradient[n:] @ (-shape * f)) < 0)
         seen.add(on)
     assert seen == {True, False}
-
-
-def test_skyhook_on_a_cable_is_a_dashpot_of_the_dampers_velocity() -> None:
-    bench = CableBench()
-    made = make("skyhook:damping=250,leak=1e3", bench.site)
-    assert isinstance(made, ForceController)
-    h, w = bench.period, 9.0
-    for k in range(400):
-        t = k * h
-        made.command(t, {"acceleration_1": math.cos(w * t), "force": 1.0})
-    assert made.wanted == pytest.approx(250 * math.sin(w * 399 * h) / w, abs=0.02 * 250 / w)
-    site = replace(bench.site, period=5e-3)
-    default = make("skyhook", site)
-    assert isinstance(default, ForceController)
-    c = site.cable
-    assert default.aim.gain == pytest.approx(0.1 * c.mass * c.length * c.first / 0.02)  # type: ignore[attr-defined]

@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -152,10 +153,11 @@ def test_names_of_contenders() -> None:
         ("mine", ("constant:value=0.2",)),
         ("skyhook:damping=100", ("skyhook:damping=100",)),
     ]
-    refuses(lambda: contenders(BENCH, ["skyhook", "skyhook"], {}), "named twice")
-    refuses(lambda: contenders(BENCH, ["skyhook-tuned"], {}), "add --tune")
-    refuses(lambda: contenders(BENCH, ["nothing"], settings), "controller 'nothing' is unknown; there are")
-    refuses(lambda: contenders(BENCH, ["policy:missing.json"], settings), "no such policy file")
+    for names, said in (
+        (["skyhook", "skyhook"], "named twice"), (["skyhook-tuned"], "add --tune"),
+        (["nothing"], "controller 'nothing' is unknown; there are"), (["policy:missing.json"], "no such policy file"),
+    ):  # fmt: skip
+        refuses(partial(contenders, BENCH, names, settings), said)
     for name in ("passive-on", "best-constant", "clairvoyant", "learned"):
         with pytest.raises(InputError, match=f"{name} is the name of another controller"):
             contenders(BENCH, [f"{name}=constant:value=0.2"], settings, {"learned": [Path("a.json")]})

@@ -23,7 +23,6 @@ from mrdamp.records.log_filter import (
     LOG,
     LOGGER,
     finer,
-    jumps,
     logged,
     rings_before_jumps,
 )
@@ -64,15 +63,6 @@ def test_only_a_filter_without_delay_rings_before_a_jump() -> None:
     assert not rings_before_jumps(np.array([0.0, 1.0]))
     noisy = decimated(fine) + 0.01 * np.random.default_rng(1).standard_normal(len(t))
     assert not rings_before_jumps(noisy)  # where noise hides it, lines stay
-
-
-def test_jumps_are_told_from_what_only_moves_fast() -> None:
-    fine = fine_steps()
-    assert jumps(fine[::EVERY])
-    assert jumps(decimated(fine))
-    t = DT * np.arange(2000)
-    assert not jumps(np.sin(2 * np.pi * 5 * t))
-    assert not jumps(np.zeros(100))
 
 
 def test_a_filtered_jump_sets_off_what_the_real_one_did() -> None:

@@ -65,40 +65,14 @@ def test_at2_in_g(tmp_path: Path) -> None:
     assert "Some Station" in motion.source
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "NPTS=7, DT=.005 SEC",
-        "NPTS =   7 , DT =  0.0050 SEC",
-        "   7    0.0050    NPTS, DT",
-        "7 .0050 NPTS, DT",
-        "   7   .005000000  NPTS,  DT (SEC)",
-        "NPTS=  7, DT= 5.0E-03 SEC",
-    ],
-)
+@pytest.mark.parametrize("line", [
+    "NPTS=7, DT=.005 SEC", "NPTS =   7 , DT =  0.0050 SEC", "   7    0.0050    NPTS, DT", "7 .0050 NPTS, DT",
+    "   7   .005000000  NPTS,  DT (SEC)", "NPTS=  7, DT= 5.0E-03 SEC",
+])  # fmt: skip
 def test_at2_header_forms(tmp_path: Path, line: str) -> None:
     text = NEW_AT2.replace("NPTS=   7, DT=   .0050 SEC,", line)
     motion = read_motion(write(tmp_path, text, "a.at2"))
     assert (motion.n, motion.sample_time) == (7, 0.005)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "expected"),
-    [
-        ("NPTS=   7", "NPTS=   8", "7 samples, its header says NPTS=8"),
-        ("NPTS=   7", "NPTS=   6", "7 samples, its header says NPTS=6"),
-        ("NPTS=   7, DT=   .0050 SEC,", "", "no NPTS, DT line"),
-        ("NPTS=   7, DT=   .0050 SEC,", "NPTS", "line 4: NPTS and DT not understood: 'NPTS'"),
-        (".3000000E-01", "abc", "line 5: not a number: 'abc'"),
-        ("ACCELERATION TIME", "VELOCITY TIME", "velocity or displacement"),
-        ("UNITS OF G", "UNITS OF CM/S/S", "units of 'CM/S/S'"),
-        ("   .0050", "   0.0", "sample time 0 s: it must be positive"),
-        (" .3000000E-01", " 1.E+999", "sample 3 is inf"),
-    ],
-)
-def test_at2_refused(tmp_path: Path, old: str, new: str, expected: str) -> None:
-    assert old in NEW_AT2
-    assert expected in refused(write(tmp_path, NEW_AT2.replace(old, new), "a.AT2"))
 
 
 def test_one_column(tmp_path: Path) -> None:
@@ -108,11 +82,8 @@ def test_one_column(tmp_path: Path) -> None:
     plain = write(tmp_path, "1\n-3\n2\n", "plain.csv")
     assert read_motion(plain, 0.01).sample_time == 0.01
     assert "no sample time" in refused(plain)
-    assert read_motion(write(tmp_path, "acceleration_m_s2\n1\n2\n3\n"), 0.01).acceleration.tolist() == [
-        1,
-        2,
-        3,
-    ]
+    headed = write(tmp_path, "acceleration_m_s2\n1\n2\n3\n")
+    assert read_motion(headed, 0.01).acceleration.tolist() == [1, 2, 3]
 
 
 def test_two_columns(tmp_path: Path) -> None:
@@ -128,6 +99,14 @@ def test_two_columns(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
+        (NEW_AT2.replace("NPTS=   7", "NPTS=   8"), "7 samples, its header says NPTS=8"),
+        (NEW_AT2.replace("NPTS=   7, DT=   .0050 SEC,", ""), "no NPTS, DT line"),
+        (NEW_AT2.replace("NPTS=   7, DT=   .0050 SEC,", "NPTS"), "line 4: NPTS and DT not understood: 'NPTS'"),
+        (NEW_AT2.replace(".3000000E-01", "abc"), "line 5: not a number: 'abc'"),
+        (NEW_AT2.replace("ACCELERATION TIME", "VELOCITY TIME"), "velocity or displacement"),
+        (NEW_AT2.replace("UNITS OF G", "UNITS OF CM/S/S"), "units of 'CM/S/S'"),
+        (NEW_AT2.replace("   .0050", "   0.0"), "sample time 0 s: it must be positive"),
+        (NEW_AT2.replace(" .3000000E-01", " 1.E+999"), "sample 3 is inf"),
         ("# dt_s=0.02\n", "no samples"),
         ("", "the file is empty"),
         ("acceleration_m_s2\n", "0 samples: at least 3 are needed"),
@@ -146,11 +125,8 @@ def test_two_columns(tmp_path: Path) -> None:
         ("0,1\n0.01\n0.02,3\n", "line 2 has 1 cells, 2 columns are needed"),
     ],
 )
-def test_csv_refused(tmp_path: Path, text: str, expected: str) -> None:
-    assert expected in refused(write(tmp_path, text))
-
-
-def test_missing_file(tmp_path: Path) -> None:
+def test_files_that_are_no_motions(tmp_path: Path, text: str, expected: str) -> None:
+    assert expected in refused(write(tmp_path, text, "a.AT2" if "PEER" in text else "a.csv"))
     assert "no such file" in refused(tmp_path / "nowhere.AT2")
 
 
@@ -239,9 +215,6 @@ def test_synthetic_refuses(name: str, value: float) -> None:
 
 def test_embedded_motion() -> None:
     motion = embedded_motion()
-    assert motion.pga == pytest.approx(3.4, abs=1e-4)
-    assert not np.allclose(kanai_tajimi(3).acceleration, kanai_tajimi(4).acceleration)
-    assert 20.0 <= motion.duration <= 30.0
     np.testing.assert_allclose(motion.acceleration, kanai_tajimi(1940).acceleration, atol=2e-4)
     velocity = np.cumsum(motion.acceleration) * motion.sample_time
     assert abs(velocity[-1]) < 0.05 * np.abs(velocity).max()  # the ground comes to rest

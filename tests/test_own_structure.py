@@ -15,7 +15,6 @@ from gymnasium.wrappers import RescaleAction
 
 import mrdamp
 from env_arguments import OWN, dashpot
-from env_arguments import OWN as ISOLATED
 from mrdamp import cli
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare
@@ -55,9 +54,8 @@ def test_a_sine_passes_as_the_transfer_function_says(engine: str) -> None:
         seen = []
         while not plant.finished:
             y = plant.step(0.0)
-            seen.append(
-                [plant.time, y["displacement_base"], y["acceleration_top"], y["velocity_top"], y["force"]]
-            )
+            names = ("displacement_base", "acceleration_top", "velocity_top", "force")
+            seen.append([plant.time, *(y[name] for name in names)])
         time, *signals = np.array(seen)[1000:-2].T
         waves = np.stack([np.sin(w * time), np.cos(w * time)], axis=1)
         wanted = x[0], 1 - w**2 * x[3], 1j * w * x[3], 1j * w * DASHPOT * x[0]
@@ -187,11 +185,7 @@ def test_matrices_that_are_none_get_one_line(name: str, value: Any, message: str
     ("old", "new", "message"),
     [
         ('"rms", 0.5', '"mean", 0.5', "goal: how is 'mean'; allowed: rms, peak"),
-        (
-            '"displacement", "peak"',
-            '"drift", "peak"',
-            "goal: of is 'drift'; allowed: acceleration, displacement",
-        ),
+        ('"displacement", "peak"', '"drift", "peak"', "goal: of is 'drift'; allowed: acceleration, displacement"),
         ('"peak", 0.5', '"peak", 0.0', "goal of base: weight is 0.0; allowed"),
         ('Goal("top"', 'Goal("roof"', "Isolated: no place 'roof'; there are base, top"),
         ('2.0, "base"', '2.0, "cellar"', "Isolated: no place 'cellar'"),
@@ -199,11 +193,7 @@ def test_matrices_that_are_none_get_one_line(name: str, value: Any, message: str
         ("(0, 0, 0, 1)", "(0, 0, 1)", r"Isolated: place top has shape \(1, 3\); allowed: \(4,\)"),
         ("(0, 0, 0, 1)", '(0, 0, 0, float("nan"))', "Isolated: place top holds NaN"),
         ("(0, 0, 0, 1)", '"last"', "Isolated: place top is"),
-        (
-            "def mechanics",
-            "mechanics = list\n    def other",
-            r"mechanics\(\) gives a list; allowed: a Mechanics",
-        ),
+        ("def mechanics", "mechanics = list\n    def other", r"mechanics\(\) gives a list; allowed: a Mechanics"),
         ("return default_damper()", "return 3", r"Isolated: damper\(\) gives a int"),
         ('name = "isolated"', "pass", "Isolated: no name; it needs name, places, goals"),
         ("9e4, 9e5", "0.0, 9e5", "mechanics: stiffness is not positive definite"),
@@ -246,7 +236,7 @@ SHIPPED = next((Path(mrdamp.__file__).parent / "data/policies/frame/learned").gl
 
 @pytest.mark.parametrize("structure", ["cable", "car", "own"])
 def test_no_controller_sees_behind_the_sensor(tmp_path: Path, structure: str) -> None:
-    bench = bench_of(ISOLATED if structure == "own" else structure, engine="chain")
+    bench = bench_of(OWN if structure == "own" else structure, engine="chain")
     assert {"force", "stroke"} <= set(bench.measured)
     mine = f"mine={write(tmp_path, 'y[{!r}]'.format('true_force'))}:Broken"
     refuses(lambda: contenders(bench, [mine], {}), "KeyError: 'true_force'")
@@ -262,17 +252,12 @@ def test_what_a_controller_changes_in_its_site_is_not_the_plants(tmp_path: Path)
             "\n        if hasattr(site, 'structure'):\n            site.structure.at[:] = 0.0",
         )
     )
-    for bench in (replace(BENCH, engine="chain"), bench_of(ISOLATED, engine="chain")):
-        load = bench.unseen_loads()[:1]
-        spec = spec_of(bench, file)
-        alone = bench.run("passive-on", load[0], 1.0)
-        bench.run(spec, load[0], 1.0)
-        assert bench.run("passive-on", load[0], 1.0) == alone
-
-
-def spec_of(bench: Any, file: Path) -> str:
-    ((spec,),) = (row.specs for row in contenders(bench, [f"mine={file}:Steady"], {}))
-    return str(spec)
+    for bench in (replace(BENCH, engine="chain"), bench_of(OWN, engine="chain")):
+        load = bench.unseen_loads()[0]
+        ((spec,),) = (row.specs for row in contenders(bench, [f"mine={file}:Steady"], {}))
+        alone = bench.run("passive-on", load, 1.0)
+        bench.run(spec, load, 1.0)
+        assert bench.run("passive-on", load, 1.0) == alone
 
 
 def test_a_policy_says_so_where_a_measurement_is_no_number_or_missing() -> None:

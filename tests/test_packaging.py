@@ -167,13 +167,6 @@ def test_metadata_asks_for_the_one_engine_and_carries_the_licence() -> None:
     assert "Version 2.0, January 2004" in licence[0].read_text()
 
 
-def test_types_models_and_subpackages_are_installed() -> None:
-    for name in ("py.typed", "models_xml"):
-        assert any((folder / name).exists() for folder in package_folders()), name
-    models = [file for folder in package_folders() for file in (folder / "models_xml").glob("**/*.xml")]
-    assert models != []
-
-
 def test_links_to_the_top_folders_are_relative() -> None:
     for name in ("models_xml", "envs", "train"):
         link = REPOSITORY / "src" / "mrdamp" / name

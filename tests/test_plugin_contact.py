@@ -183,20 +183,6 @@ def test_each_law_against_runge_kutta(law: str, wheel: float) -> None:
     assert off[1] < 0.65 * off[0]
 
 
-@pytest.mark.parametrize(
-    ("fy", "dt", "cone"), [(0.0, 5e-3, "pyramidal"), (680.0, 1e-3, "elliptic"), (680.0, 5e-3, "pyramidal")]
-)
-def test_no_force_at_rest_on_the_ground(fy: float, dt: float, cone: str) -> None:
-    """Spring and tyre carry the body: the damper has nothing to do (the yield force creeps for a while)."""
-    options = option(dt, cone=cone)
-    text = with_dampers(partial(quarter_car, options, geom=""), "bingham", dashpot(1400.0, fy), SPRING)
-    model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
-    data.qpos[1] = -300 * 9.81 / 20000
-    mujoco.mj_step(model, data, round(10.0 / dt))
-    assert abs(data.actuator_force[0]) < 2.0
-
-
 def test_light_body_at_a_soft_stop() -> None:
     """30 g against the limit of its joint under 600 N, behind a stiff damper: where Runge-Kutta leaves it."""
 

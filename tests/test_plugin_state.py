@@ -84,17 +84,6 @@ def rest(track: Track, k: int) -> Track:
     return Track(track.x[k:], track.v[k:], track.sensors[k:])
 
 
-def test_the_model_keeps_a_past(whole: Track) -> None:
-    """What the other tests rest on: without its plugin state the same motion goes on differently."""
-    model, data = bent()
-    step_through(model, data, 150, controls()[:150])
-    data.plugin_state[:] = 0.0
-    after = step_through(model, data, STEPS - 150, controls()[150:])
-    for k in range(model.nsensordata):
-        assert np.max(np.abs(after.sensors[:, k] - whole.sensors[150:, k])) > 1e-3, k
-    assert np.max(np.abs(after.x - whole.x[150:])) > 1e-7
-
-
 @pytest.mark.parametrize("k", [1, 150])
 def test_copies_and_states_put_back_go_on_alike(whole: Track, k: int) -> None:
     """Into the same data after it went elsewhere, and into data that never stepped."""

@@ -208,53 +208,45 @@ def test_changed_labels_are_found_out(tmp_path: Path) -> None:
 
 
 # --- rows --------------------------------------------------------------------------------------
-@pytest.mark.parametrize(
-    ("label", "given", "right", "tied"),
-    [
-        ("driver_lag", answer("effect", "driver_lag"), True, True),
-        ("driver_lag", answer("effect", "command_delay"), False, False),
-        ("driver_lag", answer("effect", "backlash", ties=(("driver_lag", "backlash"),)), False, True),
-        ("driver_lag", answer("effect", "driver_lag", "sensor_lag"), False, False),
-        ("driver_lag+backlash", answer("effect", "backlash", "driver_lag"), True, True),
-        ("driver_lag+backlash", answer("effect", "backlash"), False, False),
-        ("floor_mass@2", answer("effect", "floor_mass@2"), True, True),
-        ("floor_mass@2", answer("effect", "floor_mass@1"), False, False),
-        ("none", answer("none"), True, True),
-        ("none", answer("parameters"), False, False),
-        ("parameters", answer("effect", "saturation"), False, False),
-        ("~hum", answer("unknown"), True, True),
-        ("~hum", answer("effect", "sensor_lag"), False, False),
-    ],
-)
-def test_right_or_wrong(label: str, given: dict[str, Any], right: bool, tied: bool) -> None:
-    row = judged(label, given)
-    assert (row.right, row.right_or_tied) == (right, tied)
-
-
-def apart(label: str, verdict: str, *named: str) -> Row:
-    """Of a rig whose own law is named saturation by some."""
-    told: dict[str, Any] = {"also": ("saturation",), "base": 0.1, "misfit": 0.05, "rig": "damper"}
-    return replace(judged(label, answer(verdict, *named), **told), after=0.11)
+#: A rig whose own law some call a saturation.
+ALSO: dict[str, Any] = {"also": ("saturation",), "base": 0.1, "misfit": 0.05, "rig": "damper"}
 
 
 @pytest.mark.parametrize(
-    ("label", "verdict", "named", "right"),
+    ("label", "verdict", "named", "told", "right"),
     [
-        (OWN, "none", "", True),
-        (OWN, "unknown", "", True),
-        (OWN, "effect", "saturation", True),
-        (OWN, "effect", "driver_lag", False),
-        (OWN, "effect", "saturation driver_lag", False),
-        ("driver_lag", "effect", "driver_lag saturation", True),
-        ("driver_lag", "effect", "saturation", False),
-        ("driver_lag", "effect", "driver_lag backlash", False),
-        ("driver_lag", "unknown", "", False),
+        ("driver_lag", "effect", "driver_lag", {}, True),
+        ("driver_lag", "effect", "command_delay", {}, False),
+        ("driver_lag", "effect", "driver_lag sensor_lag", {}, False),
+        ("driver_lag+backlash", "effect", "backlash driver_lag", {}, True),
+        ("driver_lag+backlash", "effect", "backlash", {}, False),
+        ("floor_mass@2", "effect", "floor_mass@2", {}, True),
+        ("floor_mass@2", "effect", "floor_mass@1", {}, False),
+        ("none", "none", "", {}, True),
+        ("none", "parameters", "", {}, False),
+        ("parameters", "effect", "saturation", {}, False),
+        ("~hum", "unknown", "", {}, True),
+        ("~hum", "effect", "sensor_lag", {}, False),
+        # What is the rig's own law may be named besides.
+        (OWN, "none", "", ALSO, True),
+        (OWN, "unknown", "", ALSO, True),
+        (OWN, "effect", "saturation", ALSO, True),
+        (OWN, "effect", "driver_lag", ALSO, False),
+        (OWN, "effect", "saturation driver_lag", ALSO, False),
+        ("driver_lag", "effect", "driver_lag saturation", ALSO, True),
+        ("driver_lag", "effect", "saturation", ALSO, False),
+        ("driver_lag", "effect", "driver_lag backlash", ALSO, False),
+        ("driver_lag", "unknown", "", ALSO, False),
     ],
 )
-def test_what_is_the_rigs_own_law_may_be_named_besides(
-    label: str, verdict: str, named: str, right: bool
-) -> None:
-    assert apart(label, verdict, *named.split()).right is right
+def test_right_or_wrong(label: str, verdict: str, named: str, told: dict[str, Any], right: bool) -> None:
+    row = replace(judged(label, answer(verdict, *named.split()), **told), after=0.11)
+    assert row.right is right
+
+
+def test_a_tie_is_not_right() -> None:
+    row = judged("driver_lag", answer("effect", "backlash", ties=(("driver_lag", "backlash"),)))
+    assert (row.right, row.right_or_tied) == (False, True)
 
 
 def test_stage_and_stated_probability() -> None:

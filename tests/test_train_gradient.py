@@ -102,30 +102,21 @@ def test_whitened_observations_are_what_they_say() -> None:
         assert seen == pytest.approx(raw @ matrix.T, rel=1e-4, abs=1e-6)
 
 
-#: Of each learner: a network of its own, short rollouts.
-LEARNERS: dict[str, dict[str, Any]] = {
-    "a2c": {"n_steps": 8},
-    "ddpg": {},
-    "ppo": {"n_steps": 8, "batch_size": 8},
-    "recurrent": {"n_steps": 8, "batch_size": 8, "policy_kwargs": {"lstm_hidden_size": 8}},
-    "sac": {},
-    "td3": {},
-}
+#: Short rollouts of each learner.
+SHORT = {"n_steps": 8, "batch_size": 8}
+LEARNERS: dict[str, dict[str, int]] = {
+    "a2c": {"n_steps": 8}, "ddpg": {}, "ppo": SHORT, "recurrent": SHORT, "sac": {}, "td3": {}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("algorithm", LEARNERS)
 def test_the_actor_does_not_see_what_the_critic_is_told(algorithm: str) -> None:
     _, venv = frames()
     size = venv.observation_space.shape[0]
-    front = size - 2
-    arguments = {**LEARNERS[algorithm]}
-    kwargs = {**arguments.pop("policy_kwargs", {}), "front": front}
-    maker: Any = (
-        sb3_contrib.RecurrentPPO
-        if algorithm == "recurrent"
-        else getattr(stable_baselines3, algorithm.upper())
-    )
-    model = maker(POLICIES[algorithm], venv, seed=1, device="cpu", policy_kwargs=kwargs, **arguments)
+    front, recurrent = size - 2, algorithm == "recurrent"
+    maker: Any = sb3_contrib.RecurrentPPO if recurrent else getattr(stable_baselines3, algorithm.upper())
+    kwargs = {"front": front, **({"lstm_hidden_size": 8} if recurrent else {})}
+    model = maker(POLICIES[algorithm], venv, seed=1, device="cpu", policy_kwargs=kwargs, **LEARNERS[algorithm])
     one = np.random.default_rng(0).standard_normal((1, size)).astype(np.float32)
     other, moved = one.copy(), one.copy()
     other[:, front:] = 5.0
@@ -137,7 +128,7 @@ def test_the_actor_does_not_see_what_the_critic_is_told(algorithm: str) -> None:
     def worth(seen: Any) -> float:
         tensor = model.policy.obs_to_tensor(seen)[0]
         with torch.no_grad():
-            if algorithm == "recurrent":
+            if recurrent:
                 state = tuple(torch.zeros(model.policy.lstm_hidden_state_shape) for _ in range(2))
                 return float(model.policy.predict_values(tensor, state, torch.zeros(1)))
             if hasattr(model.policy, "predict_values"):
@@ -146,7 +137,7 @@ def test_the_actor_does_not_see_what_the_critic_is_told(algorithm: str) -> None:
 
     assert acts(one) == acts(other) != acts(moved)
     assert worth(one) != worth(other)
-    if algorithm != "recurrent":
+    if not recurrent:
         exported = network(model.policy)(one[:, :front].astype(np.float64))
         assert float(exported[0, 0]) == pytest.approx(acts(one), abs=2e-6)
 
