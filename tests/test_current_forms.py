@@ -73,47 +73,47 @@ def stops(up: float, down: float) -> np.ndarray:
 LOOP = {"remanence_b": 0.1, "remanence_d": 0.2}
 #: What is looked at, the command, attributes, what is expected and the most that it may be off by.
 EQUATIONS: Mapping[str, tuple[str, U, Mapping[str, float], np.ndarray, float]] = {
-    "it falls at its own rate": (
+    "driver_lag falls at its own rate": (
         "current", STEP, {"driver_lag_tau": 0.02, "driver_lag_fall": 0.06},
         np.where(UP, 1 - np.exp(-(T - 0.2) / 0.02), only(DOWN, np.exp(-(T - 0.6) / 0.06))), 0.03,
     ),
-    "it rises no faster than its rate": (
+    "driver_lag rises no faster than its rate": (
         "current", STEP, {"driver_lag_tau": 0.002, "driver_lag_rate": 8.0},
         only((T > 0.22) & (T < 0.31), 8 * (T - 0.2)), 0.02,
     ),
-    **{f"it overshoots, ratio {r}": (
+    **{f"driver_lag overshoots, ratio {r}": (
         "current", 0.3 + 0.4 * STEP, {"driver_lag_tau": 0.02, "driver_lag_ratio": r}, ringing(r), 0.02,
     ) for r in (0.3, 0.7)},
-    "eddy currents hold back a share of the field": (
+    "driver_lag by eddy currents in a share of the field": (
         "field", SWELL, {"driver_lag_tau": 0.01, "driver_lag_tau2": 0.15, "driver_lag_share": 0.6},
         led(SWELL, [0.4 * 0.15, 1], [0.01 * 0.15, 0.01 + 0.15, 1]), 1e-3,
     ),
-    "a share of it without a first pole": (
+    "driver_lag of a share without a first pole": (
         "field", SWELL, {"driver_lag_tau2": 0.15, "driver_lag_share": 0.6},
         0.4 * SWELL + 0.6 * led(SWELL, [1], [0.15, 1]), 1e-3,
     ),
-    **{f"a controller of limited voltage, {tau}": (
+    **{f"driver_lag under a controller of limited voltage, {tau}": (
         "current", 0.2 + 0.8 * STEP, {"driver_lag_tau": tau, "driver_lag_gain": gain,
                                       "driver_lag_integral": integral, "driver_lag_limit": 1.3},
         behind_a_voltage(tau, gain, integral), 0.015,
     ) for tau, gain, integral in ((0.1, 3.0, 0.1), (0.01, 2.5, 0.02))},
-    "the circuit remembers how it got to the start": (
+    "remanence of how it got to the start": (
         "field", RAMP, {**LOOP, "remanence_start": -0.8},
         RAMP - 0.1 * (1 - 1.8 * np.exp(-(RAMP - 0.5) / 0.2)), 2e-3,
     ),
     # A test at a constant current begins on the way up from zero, further the larger the current is.
-    **{f"risen from zero to {u}": (
+    **{f"remanence risen from zero to {u}": (
         "field", u, {**LOOP, "remanence_rise": 1.0}, np.full(len(T), u - 0.1 * (1 - np.exp(-u / 0.2))), 1e-12,
     ) for u in (0.0, 0.3, 1.0)},
-    "loops that change with the current": (
+    "remanence with loops that change with the current": (
         "field", UP_AND_DOWN, {**LOOP, "remanence_up": -0.5, "remanence_down": 1.4},
         UP_AND_DOWN - 0.1 * remembered(-0.5, 1.4), 1e-3,
     ),
-    **{f"stops that change with the current, {up} {down}": (
+    **{f"remanence with stops that change with the current, {up} {down}": (
         "field", UP_AND_DOWN, {"remanence_b": 0.1, "remanence_d": 0.1, "remanence_stops": 1.0, "remanence_up": up,
                                "remanence_down": down}, UP_AND_DOWN - 0.1 * stops(up, down), 2e-3,
     ) for up, down in ((0.0, 0.0), (0.0, 1.8), (-0.5, -0.6), (-2.0, 0.5))},
-    "loops that close at saturation": (
+    "remanence with loops that close at saturation": (
         "field", UP_AND_DOWN, {"remanence_b": 0.1, "remanence_d": 0.1, "remanence_stops": 1.0, "remanence_knee": 0.6},
         UP_AND_DOWN - 0.1 * stops(0.0, 0.0) * np.exp(-((UP_AND_DOWN / 0.6) ** 2)), 2e-3,
     ),

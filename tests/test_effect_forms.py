@@ -33,42 +33,42 @@ def carried(room: np.ndarray) -> np.ndarray:
 
 #: Attributes, the force (N) and the most that the chain's may be off by.
 EQUATIONS: Mapping[str, tuple[Mapping[str, float], np.ndarray, float]] = {
-    "a cubic gas spring": (
+    "gas_spring, cubic": (
         {"gas_spring_k": 4000.0, "gas_spring_k2": 12.0, "gas_spring_k3": 3000.0, "gas_spring_f0": 20.0},
         PLAIN + 4000 * X * (1 + 12 * X + 3000 * X**2) + 20, 1e-6,
     ),
-    "extension and compression by the force": (
+    "asymmetry by the force": (
         {"asymmetry_a": 0.2, "asymmetry_force": 60.0}, PLAIN * (1 + 0.2 * np.tanh(PLAIN / 60)), 1e-6,
     ),
-    "a plate from stop to stop": (
+    "asymmetry of a plate from stop to stop": (
         {"asymmetry_a": -0.2, "asymmetry_travel": 0.006, "asymmetry_force": 50.0},
         PLAIN * (1 - 0.2 * between_stops(2 * X / 0.006, -1, 1)), 0.5,
     ),
-    "a seal that slips at once over a small velocity": (
+    "seal_friction that slips at once over a small velocity": (
         {"seal_friction_coulomb": 40.0, "seal_friction_breakaway": 1.5, "seal_friction_v_s": 0.02,
          "seal_friction_width": 0.004},
         PLAIN + 40 * (1 + 0.5 * np.exp(-((V / 0.02) ** 2))) * np.tanh(V / 0.004), 0.5,
     ),
-    "a pocket that loses by the velocity": (
+    "trapped_gas in a pocket, by the velocity": (
         {"trapped_gas_d": 0.6, "trapped_gas_reach": 0.008, "trapped_gas_s_g": 0.003, "trapped_gas_shape": 1.5,
          "trapped_gas_width": 0.02},
         PLAIN * (1 - 0.6 * np.tanh(np.maximum(V, 0) / 0.02) * np.exp(-((between_stops(X, 0, 0.008) / 0.003) ** 1.5))),
         1.5,
     ),
-    "gas that carries its pressure until it is pressed together": (
+    "trapped_gas that carries its pressure until it is pressed together": (
         {"trapped_gas_force": 60.0, "trapped_gas_s_g": 0.008, "trapped_gas_shape": 1.3},
         carried(1 - between_stops(X, 0, 0.008) / 0.008), 1.5,
     ),
     # From the turn at -10 mm (t = 1/2) to the one at 10 mm.
     **{
-        f"a force that comes back over the stroke, shape {shape}": (
+        f"trapped_gas by the stroke, shape {shape}": (
             {"trapped_gas_d": 0.5, "trapped_gas_s_g": 0.004, "trapped_gas_shape": shape, "trapped_gas_direction": 0.0},
             only((T > 0.52) & (T < 0.82), PLAIN * (1 - 0.5 * np.exp(-((np.abs(X + 0.01) / 0.004) ** shape)))), 1.5,
         )
         for shape in (1.0, 2.0, 6.0)
     },
     **{
-        f"a viscosity that falls, m {m}, shape {a}": (
+        f"shear_thinning, m {m}, shape {a}": (
             {"shear_thinning_m": m, "shear_thinning_v_s": 0.03, "shear_thinning_shape": a},
             PLAIN + 950 * V * ((1 + np.abs(V / 0.03) ** a) ** ((m - 1) / a) - 1), 0.02,
         )

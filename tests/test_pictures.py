@@ -192,8 +192,8 @@ def test_a_very_long_bar_is_cut_and_says_its_value() -> None:
         (lambda: pictures.controllers({}), "controllers has nothing to show"),
         (lambda: pictures.profile({"a": one_run(2), "b": one_run(3)}), "b has 3 storeys and a has 2"),
         (lambda: pictures.command_history(TIME, {"a": TIME}, {"b": TIME}), "name the same"),
-        (lambda: share_ranking({"clairvoyant": []}), "nothing to show"),
-        (lambda: search_paths({"clairvoyant": {}}), "nothing to show"),
+        (lambda: share_ranking({"clairvoyant": []}), "share_ranking has nothing to show"),
+        (lambda: search_paths({"clairvoyant": {}}), "search_paths has nothing to show"),
     ],
 )
 def test_what_cannot_be_drawn_is_one_line(make: Callable[[], object], said: str) -> None:
