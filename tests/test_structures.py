@@ -7,6 +7,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -98,13 +99,23 @@ DAMPING = np.array([[175.0, -50, 0], [-50, 100, -50], [0, -50, 50]])
 MASS = 98.3
 
 
+def without_plugins(path: Path) -> ET.Element:
+    """The model's XML, its includes put in, less everything that needs a plugin."""
+    root = ET.parse(path).getroot()
+    for include in root.findall("include"):
+        root.remove(include)
+        root.extend(list(without_plugins(path.parent / include.attrib["file"])))
+    for extension in root.findall("extension"):
+        root.remove(extension)
+    for group in [*root.findall("actuator"), *root.findall("sensor")]:
+        for plugin in group.findall("plugin"):
+            group.remove(plugin)
+    return root
+
+
 def compiled(name: str, file: str = "model.xml") -> mujoco.MjModel:
-    """The model less everything that needs a plugin."""
-    spec = mujoco.MjSpec.from_file(str(models_xml.path(name, file)))
-    of_plugins = [element for element in (*spec.actuators, *spec.sensors) if element.plugin.active]
-    for element in (*of_plugins, *spec.plugins):
-        spec.delete(element)
-    return spec.compile()
+    root = without_plugins(models_xml.path(name, file))
+    return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
 
 
 def ground_motion() -> Callable[[float], float]:
