@@ -1,8 +1,9 @@
-"""Parts of controllers for tests: an estimator that knows the state, a policy that sees nothing."""
+"""Parts of controllers for tests: an estimator that knows the state, a controller that keeps what it is shown, a
+policy that sees nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,23 @@ class Known:
 
     def __call__(self, y: Mapping[str, float]) -> Array:
         return self.state
+
+
+class Watching:
+    """A controller that plays a function of time and keeps what it is shown."""
+
+    name = "watching"
+
+    def __init__(self, played: Callable[[float], float], period: float = 1e-3) -> None:
+        self.played, self.period = played, period
+        self.seen: list[dict[str, float]] = []
+
+    def reset(self) -> None:
+        self.seen.clear()
+
+    def command(self, t: float, y: Mapping[str, float]) -> float:
+        self.seen.append(dict(y))
+        return self.played(t)
 
 
 def steady(path: Path, *actions: float, **more: Any) -> Path:

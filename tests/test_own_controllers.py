@@ -6,7 +6,6 @@ import json
 import math
 import re
 import sys
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +18,7 @@ from scipy.signal import lfilter
 
 from command_call import caller
 from env_arguments import OWN as ISOLATED
-from knowing import steady
+from knowing import Watching, steady
 from mrdamp.commands.controllers import add_to
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare
@@ -316,22 +315,6 @@ def test_a_saved_model_does_what_it_does_in_its_environment(tmp_path: Path, name
     assert np.abs(found.command[::5] - np.array(commands[: len(found.command[::5])])).max() < 0.05
 
 
-class Recorder:
-    """Keeps the force that it is given."""
-
-    name, period = "recorder", 1e-3
-
-    def __init__(self) -> None:
-        self.seen: list[float] = []
-
-    def reset(self) -> None:
-        self.seen.clear()
-
-    def command(self, t: float, y: Mapping[str, float]) -> float:
-        self.seen.append(y["force"])
-        return 0.0
-
-
 def test_every_controller_gets_the_force_before_the_sensors_lag() -> None:
     """A force that is held over each period, through SciPy's first-order lag, comes out as it was."""
     lag, period = 3e-3, 1e-3
@@ -339,9 +322,9 @@ def test_every_controller_gets_the_force_before_the_sensors_lag() -> None:
     site = registry.Site.of(
         replace(model, effects=(*model.effects, Effect("sensor_lag", {"tau": lag}))), period
     )
-    recorder, given = Recorder(), []
+    recorder, given = Watching(lambda t: 0.0), []
 
-    def build(made: registry.Site) -> Recorder:
+    def build(made: registry.Site) -> Watching:
         given.append(made.damper.sensor_lag)
         return recorder
 
@@ -352,5 +335,5 @@ def test_every_controller_gets_the_force_before_the_sensors_lag() -> None:
     controller.reset()
     for k, value in enumerate(read):
         controller.command(k * period, {"force": float(value)})
-    np.testing.assert_allclose(recorder.seen, force, atol=1e-9)
+    np.testing.assert_allclose([y["force"] for y in recorder.seen], force, atol=1e-9)
     assert given == [0.0]

@@ -15,6 +15,7 @@ from gymnasium.wrappers import RescaleAction
 
 import mrdamp
 from env_arguments import OWN, dashpot
+from knowing import Watching
 from mrdamp import cli
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare
@@ -329,19 +330,6 @@ def test_a_damper_mounted_the_other_way_round_is_driven_alike(learned: bool) -> 
         np.testing.assert_allclose(other.values[name][key], one.values[name][key], rtol=1e-6)
 
 
-class Watching:
-    """No command; remembers what it is given."""
-
-    name, period = "watching", 1e-3
-
-    def reset(self) -> None:
-        self.seen: list[Any] = []
-
-    def command(self, t: float, y: Any) -> float:
-        self.seen.append(dict(y))
-        return 1.0
-
-
 @pytest.mark.parametrize("engine", ["mujoco", "chain"])
 def test_controllers_see_what_sensors_read_and_are_judged_by_what_happens(engine: str) -> None:
     """An accelerometer with a gain of 1.3 on floor 3 and an offset on floor 1, a force sensor with a gain of 1.25."""
@@ -352,7 +340,7 @@ def test_controllers_see_what_sensors_read_and_are_judged_by_what_happens(engine
     )
     bench = replace(BENCH, engine=engine)
     faulty = replace(bench, model=replace(bench.model, effects=(*bench.model.effects, *effects)))
-    watching = [Watching(), Watching()]
+    watching = [Watching(lambda t: 1.0) for _ in range(2)]
     one, other = (b.driven(w, LOAD, 1.0) for b, w in zip((bench, faulty), watching, strict=True))
     np.testing.assert_allclose(other.acceleration, one.acceleration, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(other.force, one.force, rtol=1e-9, atol=1e-9)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from excitation import Array
-from knowing import Known
+from knowing import Known, Watching
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.control import Controller, ForceController, registry, skyhook
 from mrdamp.control.base import ZeroOrderHold
@@ -31,24 +30,6 @@ from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation import stepping
 from mrdamp.structures import ShearFrame, dyke1996
 from refusals import refuses
-
-
-@dataclass
-class Script:
-    """A controller that plays a function of time and keeps what it was shown."""
-
-    amplitude: float
-    omega: float = 60.0
-    period: float = 5e-4
-    name: str = "script"
-    seen: list[dict[str, float]] = field(default_factory=list)
-
-    def reset(self) -> None:
-        self.seen.clear()
-
-    def command(self, t: float, y: Mapping[str, float]) -> float:
-        self.seen.append(dict(y))
-        return self.amplitude * math.sin(self.omega * t)
 
 
 @pytest.mark.parametrize(
@@ -181,7 +162,7 @@ def test_skyhook_force_is_that_of_a_dashpot_to_the_sky(
 
 
 def test_a_held_controller_is_asked_at_its_own_period() -> None:
-    inner = Script(2.0, period=5e-3)
+    inner = Watching(lambda t: 2.0 * math.sin(60.0 * t), 5e-3)
     held = ZeroOrderHold(inner, 5)
     assert held.period == pytest.approx(1e-3)
     held.reset()
@@ -196,7 +177,7 @@ def test_an_ideal_force_moves_the_frame_as_scipy_has_it(floors: tuple[int, int])
     frame = dyke1996(damper_between=floors)
     model = replace(frame_model(), structure=frame)
     motion = kanai_tajimi(5, duration=3.0).compressed(5.0)
-    script = Script(400.0)
+    script = Watching(lambda t: 400.0 * math.sin(60.0 * t), 5e-4)
     run = stepping.run_frame(model, motion, script, timestep=1.25e-4, ideal_force=True)
     gamma = np.zeros(4)
     gamma[floors[1]], gamma[floors[0]] = -1, 1
