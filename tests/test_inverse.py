@@ -99,6 +99,31 @@ def test_the_measured_force_corrects_a_wrong_model(feedback: bool, left: float) 
     assert inverse.bias == pytest.approx(100.0 if feedback else 0.0, abs=5.0)
 
 
+@pytest.mark.parametrize("turns", [0.1, 0.3, 0.7])
+def test_the_share_of_a_ringing_is_the_least_squares_one(turns: float) -> None:
+    """A sine whose slope is led by h: sin(w (t + h)) - sin(w t) over w h cos(w t) is sin(w h) / (w h) in the mean."""
+    periods = 400
+    w = 2 * math.pi * turns / periods
+    extrapolated = Extrapolation(periods, 1e-6)
+    for k in range(20_000):
+        extrapolated(100.0 + math.sin(w * k), w * periods * math.cos(w * k))
+    angle = 2 * math.pi * turns
+    assert extrapolated.share == pytest.approx(max(math.sin(angle) / angle, 0.0), abs=0.01)
+
+
+
+def test_what_is_left_of_an_error_is_its_correlation() -> None:
+    """An error that forgets by a factor f each period leaves f^n after n."""
+    forgets, periods = 0.9, 5
+    rng = np.random.default_rng(3)
+    extrapolated, error = Extrapolation(periods, 1e-5), 0.0
+    for _ in range(50_000):
+        error = forgets * error + float(rng.standard_normal())
+        extrapolated(error, -error)
+    assert extrapolated(1.0, -1.0) == pytest.approx(forgets**periods, abs=0.03)
+
+
+
 def test_a_preview_neither_turns_the_force_round_nor_more_than_doubles_it() -> None:
     extrapolated = Extrapolation(1.0, PERIOD)
     for k in range(50):

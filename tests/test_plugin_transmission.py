@@ -159,33 +159,50 @@ def test_a_transmission_along_the_slide_is_the_slide(on: str, law: str) -> None:
 PUSH, C = 30.0, 600.0  # N, N s/m
 
 
-def pushed(way: str, mass: float, damping: float) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    extra = '<actuator><motor name="motor" joint="j0"/></actuator>'
-    text = document(slider(mass, damping=damping), [Damper("bingham", dashpot(C))], signals(), extra=extra)
-    if way == "gravity":
-        text = text.replace('gravity="0 0 0"', f'gravity="{PUSH / mass!r} 0 0"')
-    model, data = compiled(text)
-    if way == "xfrc":
-        data.xfrc_applied[1, 0] = PUSH
-    elif way == "motor":
-        data.ctrl[model.actuator("motor").id] = PUSH
-    elif way == "qfrc":
-        data.qfrc_applied[0] = PUSH
-    return model, data
-
-
 @pytest.mark.parametrize("damping", [0.0, 3000.0])
 @pytest.mark.parametrize(("mass", "integrator"), [(0.02, "implicitfast"), (1.0, "Euler")])
 @pytest.mark.parametrize("way", ["qfrc", "xfrc", "motor", "gravity"])
 def test_steady_speed_under_a_load(way: str, mass: float, damping: float, integrator: str) -> None:
     """A constant push P against dashpots c and the joint's d: v = P / (c + d), whatever pushes."""
-    model, data = pushed(way, mass, damping)
-    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    motor = '<actuator><motor name="motor" joint="j0"/></actuator>'
+    bodies, dampers = slider(mass, damping=damping), [Damper("bingham", dashpot(C))]
+    model, data = compiled(document(bodies, dampers, signals(), extra=motor, integrator=integrator))
+    if way == "gravity":
+        model.opt.gravity[0] = PUSH / mass
+    elif way == "xfrc":
+        data.xfrc_applied[1, 0] = PUSH
+    elif way == "motor":
+        data.ctrl[model.actuator("motor").id] = PUSH
+    else:
+        data.qfrc_applied[0] = PUSH
     v = step_through(model, data, 4000).v[:, 0]
     assert v[-1] == pytest.approx(PUSH / (C + damping), rel=1e-4)
     assert np.all(v < 1.01 * v[-1])
     assert data.sensor("true_force").data[0] == pytest.approx(C * v[-1], rel=1e-4)
     assert -data.actuator("mr").force[0] == pytest.approx(C * v[-1], rel=1e-4)
+
+
+TIE = '<equality><joint joint1="j0" joint2="j1" solref="0.004 1" solimp="0.999 0.9999 0.0001"/></equality>'
+#: What an equality ties to the damper's body.
+OTHER = slider(1.0, name="j1")
+
+
+@pytest.mark.parametrize(
+    ("bodies", "extra", "force"),
+    [
+        *((slider(mass) + OTHER, TIE, PUSH) for mass in (5.0, 0.03)),
+        *((slider(mass).replace("slide", 'slide" frictionloss="5', 1), "", PUSH - 5.0) for mass in (5.0, 0.5)),
+    ],
+    ids=["tie, heavy", "tie, light", "friction, heavy", "friction, light"],
+)
+def test_steady_speed_with_the_engines_constraints(bodies: str, extra: str, force: float) -> None:
+    """The load through an equality, or against the engine's own dry friction in the joint."""
+    text = document(bodies, [Damper("bingham", dashpot(C))], signals(), extra=extra, options=APART)
+    model, data = compiled(text)
+    data.qfrc_applied[-1] = PUSH
+    v = step_through(model, data, 4000).v[:, 0]
+    assert v[-1] == pytest.approx(force / C, rel=0.01)
+    assert data.sensor("true_force").data[0] == pytest.approx(force, rel=0.01)
 
 
 LATE = pytest.mark.xfail(reason="the engine computes later plugins later", strict=True)
