@@ -38,7 +38,7 @@ def commands(id: str) -> tuple[float, float]:
 
 
 def excitation(id: str, kind: str) -> tuple[Motion, Command]:
-    """A motion and a command of the damper's size; kinds: sine, start, triangle, multisine, steps."""
+    """A motion and a command of the damper's size; kinds: sine, start, triangle, steps."""
     stroke, frequency = size(id)
     low, high = commands(id)
     slow = wave(low, high, 0.4)
@@ -49,8 +49,6 @@ def excitation(id: str, kind: str) -> tuple[Motion, Command]:
         return sine(stroke, frequency, phase=0.8, offset=0.3 * stroke), constant(0.7 * high + 0.3 * low)
     if kind == "triangle":
         return triangle(stroke, 1.013 * frequency), slow
-    if kind == "multisine":
-        return multisine(0.3 * stroke, 0.4, 8.0, seed=7), slow
     return multisine(0.3 * stroke, 0.4, 8.0, seed=3), random_steps(low, high, 0.13, 40, seed=5)
 
 

@@ -295,7 +295,6 @@ def simulate(
     command: Command | None = None,
     effects: Mapping[str, Mapping[str, float]] | None = None,
     *,
-    method: str = "LSODA",
     rtol: float = 1e-8,
 ) -> dict[str, Array]:
     """The columns of a record at the times t_eval (n,), which start at 0, each (n,).
@@ -320,7 +319,7 @@ def simulate(
         times = np.union1d(np.maximum(inside, now), [until])
         if len(y):
             solution = solve_ivp(
-                chain.rates, (now, until), y, method, t_eval=times, rtol=rtol, atol=chain.atol, max_step=0.02
+                chain.rates, (now, until), y, "LSODA", t_eval=times, rtol=rtol, atol=chain.atol, max_step=0.02
             )
             if not solution.success:
                 raise RuntimeError(solution.message)
