@@ -21,8 +21,7 @@ import pytest
 from modules import SHARED, needs
 from mrdamp import datasets
 from mrdamp.cli import main
-from mrdamp.datasets import CATALOGUE, Dataset, Source, fetch
-from mrdamp.datasets.convert import utfsm
+from mrdamp.datasets import CATALOGUE, Dataset, Source, fetch, utfsm
 from mrdamp.errors import InputError
 from mrdamp.identify import identify
 from mrdamp.model.core import Array
@@ -254,7 +253,7 @@ def served(tmp_path: Path) -> Iterator[tuple[Path, Dataset]]:
     thread.start()
     files = {"rev%201/10mm1Hz0A.txt": f"sha256:{hashlib.sha256(TABLE.encode()).hexdigest()}",
              "rev%201/5mm3Hz0x25A.txt": ""}  # fmt: skip
-    source = Source(f"http://127.0.0.1:{server.server_port}/", files, "utfsm")
+    source = Source(f"http://127.0.0.1:{server.server_port}/", files, utfsm)
     yield root, replace(CATALOGUE["utfsm"], source=source)
     server.shutdown()
     thread.join()

@@ -48,31 +48,22 @@ def of_fit(
     out = _law(fit) | {
         "effects_left_out": list(fit.left_out),
         "left_in_records": [
-            {
-                "record": c.record,
-                "offset_N": c.offset,
-                "offset_error_N": c.offset_error,
-                "force_delay_s": c.delay,
-                "force_delay_error_s": c.delay_error,
-            }
+            _of(c, "record", offset_N="offset", offset_error_N="offset_error", force_delay_s="delay",
+                force_delay_error_s="delay_error")
             for c in left
         ],
-    }
+    }  # fmt: skip
     if compared:
         out["dependences"] = {
-            name: {
-                "free_numbers": len(one.space.coordinates) if one.space else None,
-                "fitted_nrmse": one.train_nrmse,
-                "held_out_nrmse": one.held_out_nrmse,
-            }
+            name: {"free_numbers": len(one.space.coordinates) if one.space else None}
+            | _of(one, fitted_nrmse="train_nrmse", held_out_nrmse="held_out_nrmse")
             for name, one in compared.items()
         }
     if intervals:
         out["intervals"] = [
-            {"parameter": i.name, "value": i.value, "low": i.low, "high": i.high, "unit": i.unit,
-             "not_identifiable": i.word or None}
+            {"parameter": i.name, **_of(i, "value", "low", "high", "unit"), "not_identifiable": i.word or None}
             for i in intervals
-        ]  # fmt: skip
+        ]
     return out
 
 
@@ -101,8 +92,7 @@ def of_network(
         "effective_weights": fit.posterior.gamma,
         "sample_time_s": net.sample_time,
         "stages": [
-            {"name": s.name, "gamma": s.gamma, "free_run_nrmse": s.free_run, "one_step_nrmse": s.one_step}
-            for s in fit.stages
+            _of(s, "name", "gamma", free_run_nrmse="free_run", one_step_nrmse="one_step") for s in fit.stages
         ],
         "sufficient": found.suffice,
         "sufficiency": found.why,
@@ -123,11 +113,10 @@ def of_network(
             "topology": pruned.smallest.topology,
             "weights": pruned.smallest.nonzero,
             "course": [
-                {"weights": s.weights, "inputs": s.inputs, "units": list(s.units), "free_run_nrmse": s.free_run,
-                 "one_step_nrmse": s.one_step}
+                _of(s, "weights", "inputs", "units", free_run_nrmse="free_run", one_step_nrmse="one_step")
                 for s in pruned.steps
             ],
-        }  # fmt: skip
+        }
     return out
 
 
@@ -141,12 +130,7 @@ def of_table(table: Table1) -> dict[str, Any]:
     return {
         "held_out": [record.name for record in table.records],
         "rows": [
-            {
-                "model": row.model,
-                **asdict(row.norms),
-                "nrmse": row.nrmse,
-                "paper": asdict(row.paper) if row.paper else None,
-            }
+            {"model": row.model} | asdict(row.norms) | {"nrmse": row.nrmse, "paper": row.paper and asdict(row.paper)}
             for row in table.rows
         ],
     }
@@ -162,19 +146,21 @@ def _law(fit: Fit) -> dict[str, Any]:
 
 
 def _errors(errors: Sequence[RecordError], pooled: float) -> dict[str, Any]:
-    rows = [{"record": e.record, "rmse_N": e.rmse, "nrmse": e.nrmse} for e in errors]
-    return {"nrmse": pooled, "records": rows}
+    return {"nrmse": pooled, "records": [_of(e, "record", rmse_N="rmse") | _of(e, "nrmse") for e in errors]}
 
 
 def _trial(t: Trial) -> dict[str, Any]:
-    return {
-        **t.candidate._asdict(),
-        "weights": t.weights,
-        "gamma": t.gamma,
-        "train": {"free_run_nrmse": t.train_free, "one_step_nrmse": t.train_one},
-        "validation": {"free_run_nrmse": t.validation_free, "one_step_nrmse": t.validation_one},
+    return t.candidate._asdict() | {
+        **_of(t, "weights", "gamma"),
+        "train": _of(t, free_run_nrmse="train_free", one_step_nrmse="train_one"),
+        "validation": _of(t, free_run_nrmse="validation_free", one_step_nrmse="validation_one"),
         "validation_range": {"free_run_nrmse": t.span("free_run"), "one_step_nrmse": t.span("one_step")},
     }
+
+
+def _of(item: object, *names: str, **others: str) -> dict[str, Any]:
+    """Attributes of an item by their names. others: key -> attribute."""
+    return {key: getattr(item, name) for key, name in (*zip(names, names, strict=True), *others.items())}
 
 
 def _finite(value: Any) -> Any:

@@ -230,6 +230,8 @@ def _prune(a: argparse.Namespace, fit: FitNarx, splits: DataSplit, progress: Pro
 
 
 def _print_fit(fit: FitNarx, splits: DataSplit, protocol: str) -> Sufficiency:
+    import numpy as np
+
     from mrdamp.narx.error_bars import sufficiency
 
     net, p = fit.network, fit.posterior
@@ -243,10 +245,10 @@ def _print_fit(fit: FitNarx, splits: DataSplit, protocol: str) -> Sufficiency:
     _print_errors(net, fit.one_step, fit.free_run, splits)
     if protocol == "varying":
         one, free = fit.one_step.test[0], fit.free_run.test[0]
-        share = 100 * fit.free_run.share(free), 100 * fit.one_step.share(one)
+        percent = 100 / float(np.sqrt(np.mean(splits.test[0].force ** 2)))
         print(
-            f"test part over its RMS force: free run {free.rmse:.1f} N, {share[0]:.2f} %;"
-            f" one step {one.rmse:.1f} N, {share[1]:.2f} % (the paper, one step: 38 N, 3.5 %)"
+            f"test part over its RMS force: free run {free.rmse:.1f} N, {percent * free.rmse:.2f} %;"
+            f" one step {one.rmse:.1f} N, {percent * one.rmse:.2f} % (the paper, one step: 38 N, 3.5 %)"
         )
     others = (*splits.validation, *splits.test)
     new = (*fit.free_run.validation, *fit.free_run.test)

@@ -109,8 +109,7 @@ def _summary(one: Converted) -> str:
 
 def run_datasets(a: argparse.Namespace) -> int:
     """Lists, describes or fetches."""
-    from mrdamp.datasets import CATALOGUE, data_folder, fetch, found
-    from mrdamp.datasets.catalogue import dataset
+    from mrdamp.datasets import CATALOGUE, data_folder, dataset, fetch, found
 
     if a.fetch:
         if not a.name:

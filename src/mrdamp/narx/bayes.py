@@ -9,7 +9,6 @@ Foresee and Hagan, ICNN 1997, doi 10.1109/ICNN.1997.614194; Chen, Ni and Or (201
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -17,9 +16,6 @@ import numpy as np
 from scipy import linalg
 
 from mrdamp.model.core import Array
-
-#: iteration, sum of squared residuals, gamma
-Progress = Callable[[int, float, float], None]
 
 _QUIET = 5  # so many iterations in a row without a change are the end
 _MU_MAX = 1e10
@@ -51,9 +47,7 @@ class Posterior:
         alpha, beta: of the prior and of the noise (its variance is 1 / (2 beta)), scaled units.
         gamma: effective number of weights, 0 to M.
         log_evidence: of the data given alpha and beta, Gaussian approximation around theta.
-        data_error, weight_error: E_D and E_theta.
         normal: J'J at theta, of the weights that may move.
-        iterations: accepted steps.
         converged: False where the number of iterations was the limit.
     """
 
@@ -62,10 +56,7 @@ class Posterior:
     beta: float
     gamma: float
     log_evidence: float
-    data_error: float
-    weight_error: float
     normal: Array
-    iterations: int
     converged: bool
 
     @property
@@ -107,7 +98,6 @@ def minimise(
     free: Array | None = None,
     iterations: int = 200,
     tolerance: float = 1e-5,
-    progress: Progress | None = None,
 ) -> Posterior:
     """The most probable weights from a start.
 
@@ -120,7 +110,6 @@ def minimise(
         free: (M,) bool, weights that may move; None: all. The others stay, and gamma counts the free ones.
         iterations: at most.
         tolerance: of the log evidence (of the objective without re-estimation), per residual.
-        progress: called after every iteration.
     """
     theta = np.array(theta, dtype=np.float64)
     moving = np.arange(len(theta)) if free is None else np.flatnonzero(free)
@@ -134,9 +123,9 @@ def minimise(
     a, g, e_d = normal_at(theta)
     if beta is None:
         beta = 0.5 * n / max(e_d, 1e-12 * n)
-    mu, grow, quiet, done, converged, last = 1e-3 * float(np.trace(a)) / m, 2.0, 0, 0, False, -np.inf
+    mu, grow, quiet, converged, last = 1e-3 * float(np.trace(a)) / m, 2.0, 0, False, -np.inf
     gamma, log_det = _gamma(a, alpha / beta)
-    for done in range(1, iterations + 1):
+    for _ in range(iterations):
         p = theta[moving]
         ratio = alpha / beta
         gradient = g + ratio * p
@@ -170,16 +159,12 @@ def minimise(
             now = -beta * e_d - alpha * e_theta
         quiet = quiet + 1 if abs(now - last) < tolerance * n else 0
         last = now
-        if progress is not None:
-            progress(done, e_d, gamma)
         if quiet >= _QUIET:
             converged = True
             break
     e_theta = float(theta[moving] @ theta[moving])
-    return Posterior(
-        theta, float(alpha), float(beta), gamma,
-        evidence(n, m, alpha, beta, e_d, e_theta, log_det), e_d, e_theta, a, done, converged,
-    )  # fmt: skip
+    log_evidence = evidence(n, m, alpha, beta, e_d, e_theta, log_det)
+    return Posterior(theta, float(alpha), float(beta), gamma, log_evidence, a, converged)
 
 
 def _gamma(a: Array, ratio: float) -> tuple[float, float]:

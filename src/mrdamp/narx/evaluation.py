@@ -5,7 +5,7 @@ Both are always reported together.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,26 +22,16 @@ START = 0.02  # s of a free run that do not count, where the unknown start fades
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Errors of one network, by part: one step ahead and in free run.
-
-    Attributes:
-        train, validation, test: RMS error (N) and over the standard deviation of the force, per part.
-        rms: RMS force (N) per part name, the papers' yardstick.
-    """
+    """Errors of one network by part, one step ahead or in free run."""
 
     train: tuple[RecordError, ...]
     validation: tuple[RecordError, ...]
     test: tuple[RecordError, ...]
-    rms: tuple[tuple[str, float], ...]
 
     @property
     def pooled(self) -> tuple[float, float, float]:
         """RMS error over the standard deviation: training, validation, test; NaN for none."""
         return pooled(self.train), pooled(self.validation), pooled(self.test)
-
-    def share(self, error: RecordError) -> float:
-        """RMS error over the RMS force of that part."""
-        return error.rmse / dict(self.rms)[error.record]
 
 
 def one_step_force(network: Network, s: Series) -> Array:
@@ -83,13 +73,11 @@ def evaluate(
     network: Network, train: Sequence[Series], validation: Sequence[Series] = (), test: Sequence[Series] = ()
 ) -> tuple[Evaluation, Evaluation]:
     """Errors one step ahead and in free run."""
-    rms = tuple((s.name, float(np.sqrt(np.mean(s.force**2)))) for s in (*train, *validation, *test))
-
-    def of(error: Callable[[Network, Series], RecordError]) -> Evaluation:
-        parts = [tuple(error(network, s) for s in part) for part in (train, validation, test)]
-        return Evaluation(parts[0], parts[1], parts[2], rms)
-
-    return of(one_step_error), of(free_run_error)
+    one, free = (
+        Evaluation(*(tuple(error(network, s) for s in part) for part in (train, validation, test)))
+        for error in (one_step_error, free_run_error)
+    )
+    return one, free
 
 
 def _error(name: str, force: Array, measured: Array) -> RecordError:

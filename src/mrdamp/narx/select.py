@@ -16,12 +16,10 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.errors import InputError
 from mrdamp.identify import pooled
-from mrdamp.narx.bayes import minimise
 from mrdamp.narx.data import Series, lagged
 from mrdamp.narx.evaluation import free_run_error, one_step_error
-from mrdamp.narx.network import nguyen_widrow
 from mrdamp.narx.problems import OneStep
-from mrdamp.narx.train import best_stage, blank, fingerprint, refine
+from mrdamp.narx.train import best_stage, blank, fingerprint, refine, trained_once
 from mrdamp.parallel import Kept, Progress, finished, silent
 from mrdamp.pictures import style
 
@@ -118,9 +116,8 @@ def try_candidate(
     with threadpool_limits(limits=1):
         net = blank(train, lagged(candidate.channels, candidate.lags), candidate.hidden)
         problem = OneStep.of(net, train, effort.most)
-        rngs = [np.random.default_rng((seed, number)) for number in range(effort.initialisations)]
-        starts = [nguyen_widrow(len(net.inputs), net.hidden, rng) for rng in rngs]
-        found = [minimise(problem, start, iterations=effort.one_step_iterations) for start in starts]
+        steps, numbers = effort.one_step_iterations, range(effort.initialisations)
+        found = [trained_once(problem, net, (seed, number), steps) for number in numbers]
         posterior = max(found, key=lambda p: p.log_evidence)
         one = net.with_theta(posterior.theta)
         stages = [posterior]

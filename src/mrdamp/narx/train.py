@@ -52,7 +52,6 @@ class Stage:
 
     name: str
     gamma: float
-    iterations: int
     one_step: float  # pooled NRMSE on validation (training where there is none)
     free_run: float
 
@@ -170,8 +169,23 @@ def train_narx(
     rate = score or (lambda net: pooled([free_run_error(net, s) for s in chosen]))
     shape = [list(map(list, inputs)), list(hidden), seed, most, one_step_iterations, iterations]
     mark = fingerprint((train,), "train", *shape)
-    run = _Run(network, train, most, Kept(cache), mark, workers, progress or silent)
-    starts = run.starts(initialisations, seed, one_step_iterations, 0.5 if horizons else 1.0)
+    store, tell = Kept(cache), progress or silent
+
+    def made(
+        work: Callable[..., Posterior], jobs: Mapping[str, tuple[Any, ...]], problem: OneStep | FreeRun,
+        say: Callable[[int, Posterior | None], None] = lambda done, made: None,
+    ) -> list[Posterior]:  # fmt: skip
+        """What `work` makes of each job, in order; finished ones from the store."""
+        marked = {f"{mark} {name}": job for name, job in jobs.items()}
+        return list(finished(work, marked, store, workers, say, _kept, partial(_read, problem)).values())
+
+    def started(done: int, _: Posterior | None) -> None:
+        share = (0.5 if horizons else 1.0) * done / initialisations
+        tell(f"one step ahead, start {min(done + 1, initialisations)} of {initialisations}", share)
+
+    one_step = OneStep.of(network, train, most)
+    jobs = {f"start {k}": (one_step, network, (seed, k), one_step_iterations) for k in range(initialisations)}
+    starts = made(trained_once, jobs, one_step, started)
     order = sorted(range(len(starts)), key=lambda k: -starts[k].log_evidence)[:refined]
     chains = [starts[k] for k in order]
     stages: list[Stage] = []
@@ -184,7 +198,7 @@ def train_narx(
             one, free = pooled([one_step_error(net, s) for s in chosen]), rate(net)
             free = free if np.isfinite(free) else float("inf")
             label = name if refined == 1 else f"start {k + 1}, {name}"
-            stages.append(Stage(label, p.gamma, p.iterations, one, free))
+            stages.append(Stage(label, p.gamma, one, free))
             if best is None or free < best[0]:
                 best = (free, p)
 
@@ -192,11 +206,15 @@ def train_narx(
     done = ""
     for k, horizon in enumerate(horizons):
         name = "whole" if horizon is None else f"{horizon} samples"
-        run.progress(f"free run, {name}", 0.5 + 0.5 * k / len(horizons))
+        tell(f"free run, {name}", 0.5 + 0.5 * k / len(horizons))
         done += f" {name}"
-        chains = run.refined(chains, [f"start {j}{done}" for j in order], horizon, iterations)
+        longer = {
+            f"start {j}{done}": (network, train, p, horizon, most, iterations)
+            for j, p in zip(order, chains, strict=True)
+        }
+        chains = made(refine, longer, _segments(network, train, horizon, most))
         keep(name, chains)
-    run.progress("evaluating", 1.0)
+    tell("evaluating", 1.0)
     assert best is not None
     result = network.with_theta(best[1].theta)
     commands = np.concatenate([s.i for s in train])
@@ -204,56 +222,9 @@ def train_narx(
     return FitNarx(result, *evaluate(result, train, validation, test), best[1], tuple(stages), span)
 
 
-@dataclass(frozen=True)
-class _Run:
-    """What all parts of one training share; finished parts are taken from the store, where their names begin with the
-    mark."""
-
-    network: Network
-    train: Sequence[Series]
-    most: int | None
-    store: Kept
-    mark: str
-    workers: int
-    progress: Progress
-
-    def starts(self, number: int, seed: int, iterations: int, share: float) -> list[Posterior]:
-        """Every initialisation trained one step ahead, in order."""
-        problem = OneStep.of(self.network, self.train, self.most)
-        jobs = {
-            f"start {k}": (problem, len(self.network.inputs), self.network.hidden, (seed, k), iterations)
-            for k in range(number)
-        }
-
-        def say(done: int, _: Posterior | None) -> None:
-            self.progress(f"one step ahead, start {min(done + 1, number)} of {number}", share * done / number)
-
-        return self._all(_start, jobs, problem, say)
-
-    def refined(
-        self, chains: Sequence[Posterior], names: Sequence[str], horizon: int | None, iterations: int
-    ) -> list[Posterior]:
-        """Every chain trained over one horizon, in order."""
-        jobs = {
-            name: (self.network, self.train, p, horizon, self.most, iterations)
-            for name, p in zip(names, chains, strict=True)
-        }
-        return self._all(refine, jobs, _segments(self.network, self.train, horizon, self.most))
-
-    def _all(
-        self, work: Callable[..., Posterior], jobs: Mapping[str, tuple[Any, ...]], problem: OneStep | FreeRun,
-        say: Callable[[int, Posterior | None], None] = lambda done, made: None,
-    ) -> list[Posterior]:  # fmt: skip
-        """What `work` makes of each job, in order; finished ones from the store."""
-        marked = {f"{self.mark} {name}": job for name, job in jobs.items()}
-        unpack = partial(_read, problem)
-        return list(finished(work, marked, self.store, self.workers, say, _kept, unpack).values())
-
-
-def _start(
-    problem: OneStep, inputs: int, hidden: Sequence[int], seed: tuple[int, int], iterations: int
-) -> Posterior:
-    start = nn.nguyen_widrow(inputs, hidden, np.random.default_rng(seed))
+def trained_once(problem: OneStep, network: Network, seed: tuple[int, int], iterations: int) -> Posterior:
+    """One step ahead, from random weights."""
+    start = nn.nguyen_widrow(len(network.inputs), network.hidden, np.random.default_rng(seed))
     return minimise(problem, start, iterations=iterations)
 
 

@@ -1,4 +1,8 @@
-"""The public measured sets: what is in them, those in the folder of MRDAMP_DATA, fetched from their source."""
+"""Public measured records of MR dampers: what there is, read from a folder, fetched from their source.
+
+None of them is part of the package. They lie in the folder of the environment variable MRDAMP_DATA, one folder a
+set with `train/` and `validation/`, files as in `mrdamp.records.channels.CHANNELS`.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +17,11 @@ from types import MappingProxyType
 from typing import Any
 from urllib.parse import unquote
 
-from mrdamp.datasets.convert import CONVERTERS
+import numpy as np
+
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
-from mrdamp.records import SUFFIXES, RecordSet, read_records
+from mrdamp.records import SUFFIXES, Record, RecordSet, read_records
 
 
 @dataclass(frozen=True)
@@ -27,12 +32,12 @@ class Source:
         base: URL that file names are put behind, or `doi:...` of an archive whose registry lists files and hashes.
         files: name behind the base -> hash (`sha256:...`), or "" where none was published: it is then written down at
             the first fetch and checked from then on. Empty for a DOI: all of its files.
-        converter: how the files become records, see `mrdamp.datasets.convert`; "" where they stay as they are.
+        converter: of a file its half of the set and its record; None where the files stay as they are.
     """
 
     base: str
     files: Mapping[str, str] = field(default_factory=dict)
-    converter: str = ""
+    converter: Callable[[Path], tuple[str, Record]] | None = None
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,37 @@ class Dataset:
     channels: tuple[str, ...]
     command: str
     source: Source | None
+
+
+_UTFSM_NAME = re.compile(r"(\d+)mm(\d+(?:x\d+)?)Hz(\d+(?:x\d+)?)A")
+_UTFSM_HELD_OUT = {("10", "1"), ("25", "0x25")}  # other amplitudes and frequencies than the rest
+
+
+def utfsm(path: Path) -> tuple[str, Record]:
+    """`25mm0x25Hz0x5A.txt`: columns s, mm, mm/s and N without a head; the name contains the current."""
+    match = _UTFSM_NAME.fullmatch(path.stem)
+    if match is None:
+        raise InputError(f"{path}: the name does not tell amplitude, frequency and current")
+    try:
+        columns = np.loadtxt(path, ndmin=2).T
+    except ValueError as error:
+        raise InputError(f"{path}: not a table of numbers: {' '.join(str(error).split())[:80]}") from None
+    if len(columns) != 4 or columns.shape[1] < 3:
+        raise InputError(
+            f"{path}: {len(columns)} columns of {columns.shape[1]} rows; 4 of at least 3 are needed"
+        )
+    t, x, v, force = columns
+    step = float(t[-1] - t[0]) / (len(t) - 1)
+    if not step > 0 or np.abs(np.diff(t) - step).max() > 0.02 * step:
+        raise InputError(f"{path}: the time does not run evenly")
+    amplitude, frequency, current = (text.replace("x", ".") for text in match.groups())
+    channels = {
+        "displacement_m": 1e-3 * x, "velocity_m_s": 1e-3 * v, "command": np.full(len(t), float(current)),
+        "force_N": force,
+    }  # fmt: skip
+    half = "validation" if match.groups()[:2] in _UTFSM_HELD_OUT else "train"
+    name = f"sine_{int(amplitude):02d}mm_{float(frequency):.2f}Hz_{float(current):.2f}A"
+    return half, Record(name, None, step, channels)
 
 
 _UTFSM = "https://raw.githubusercontent.com/DanielMaurelE/vRTHS_AMBC_MRdamper/"
@@ -82,7 +118,7 @@ CATALOGUE: Mapping[str, Dataset] = MappingProxyType({
             "sines of 2 to 25 mm, 0.1 to 5 Hz, at 0, 0.25, 0.5, 0.75 and 1 A", "MIT", "",
             "https://github.com/DanielMaurelE/vRTHS_AMBC_MRdamper",
             ("time_s", "displacement_m", "velocity_m_s", "command", "force_N"), "nominal coil current, A",
-            Source(_UTFSM, _UTFSM_FILES, "utfsm"),
+            Source(_UTFSM, _UTFSM_FILES, utfsm),
         ),
         Dataset(
             "utfpr", "MR damper on a motor-driven sine rig, UTFPR, A. N. Vargas, 2020",
@@ -170,7 +206,7 @@ def fetch(known: Dataset, folder: Path, progress: Progress | None = None) -> Pat
             seen[name] = f"sha256:{hashlib.sha256(path.read_bytes()).hexdigest()}"
             write_atomic(kept, json.dumps(seen, indent=1) + "\n")
         if known.source.converter:
-            half, record = CONVERTERS[known.source.converter](path)
+            half, record = known.source.converter(path)
             (root / half).mkdir(exist_ok=True)
             record.save(root / half / f"{record.name}.csv.gz")
     return root
