@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,20 +30,13 @@ class Attribute:
 @functools.cache
 def attributes() -> tuple[Attribute, ...]:
     """Every numeric attribute of `mrdamp.damper`, in the order of the parameter vector."""
-    lib = library()
-    out = []
+    lib, out = library(), []
+    columns = ("name", "group", "unit", "default", "min", "max", "meaning")
     for i in range(lib.mrdamp_attribute_count()):
-        name, group, unit, meaning = (
-            getattr(lib, f"mrdamp_attribute_{what}")(i).decode()
-            for what in ("name", "group", "unit", "meaning")
-        )
-        default, low, high = (
-            getattr(lib, f"mrdamp_attribute_{what}")(i) for what in ("default", "min", "max")
-        )
-        out.append(
-            Attribute(name, group, unit, None if math.isnan(default) else default, low, high, meaning)
-        )
-    return tuple(out)
+        raw = [getattr(lib, f"mrdamp_attribute_{column}")(i) for column in columns]
+        row: list[Any] = [value.decode() if isinstance(value, bytes) else value for value in raw]
+        out.append(Attribute(*row))
+    return tuple(replace(row, default=None) if math.isnan(row.default or 0.0) else row for row in out)
 
 
 @functools.cache

@@ -46,6 +46,12 @@ FLOOR_SENSOR_EFFECTS: Mapping[str, Mapping[str, str]] = {
     "sensor_leakage": {"tau": "acc_leakage", "share": "acc_leakage_share", "tau2": "acc_leakage2"},
     "sensor_lag": {"tau": "acc_lag", "tau2": "acc_lag2", "ratio": "acc_ratio"},
 }
+#: Columns of `core.FrameInput` that effects with a place set.
+_COLUMNS: Mapping[str, Mapping[str, str]] = {
+    **FLOOR_SENSOR_EFFECTS,
+    "storey_damping": {"quadratic": "damping2"},
+    "joint_friction": {"coulomb": "friction", "width": "friction_width", "presliding": "friction_presliding"},
+}
 
 
 @dataclass(frozen=True)
@@ -151,38 +157,18 @@ class Model:
         if self.structure is None:
             raise InputError(f"{self.name}: rig damper has no structure")
         s = self.structure
-        mass, stiffness, damping = s.mass.copy(), s.stiffness.copy(), s.damping.copy()
-        friction, width, presliding, quadratic = (np.zeros(s.storeys) for _ in range(4))
-        sensors: dict[str, Any] = {"acc_gain": np.ones(s.storeys)}
+        columns = {name: getattr(s, name).copy() for name in ("mass", "stiffness", "damping")}
+        columns["acc_gain"] = np.ones(s.storeys)
         for effect in self.effects:
-            if effect.place is None:
-                continue
-            k, p = effect.place - 1, effect.parameters
-            if effect.name == "storey_stiffness":
-                stiffness[k] *= 1 + p.get("e", 0.0)
-            elif effect.name == "storey_damping":
-                damping[k] *= 1 + p.get("e", 0.0)
-                quadratic[k] = p.get("quadratic", 0.0)
-            elif effect.name == "joint_friction":
-                friction[k] += p.get("coulomb", 0.0)
-                width[k], presliding[k] = p.get("width", 0.0), p.get("presliding", 0.0)
-            elif effect.name == "floor_mass":
-                mass[k] += p.get("dm", 0.0)
-            else:
-                for key, column in FLOOR_SENSOR_EFFECTS[effect.name].items():
-                    values = sensors.setdefault(column, np.zeros(s.storeys))
-                    values[k] = p.get(key, values[k])
-        return core.FrameInput(
-            mass,
-            stiffness,
-            damping,
-            s.damper_between,
-            friction if friction.any() else None,
-            friction_width=width if width.any() else None,
-            friction_presliding=presliding if presliding.any() else None,
-            damping2=quadratic if quadratic.any() else None,
-            **sensors,
-        )
+            k = (effect.place or 0) - 1
+            for key, value in effect.parameters.items() if effect.place is not None else ():
+                if effect.name == "floor_mass":
+                    columns["mass"][k] += value
+                elif key == "e":
+                    columns[effect.name.removeprefix("storey_")][k] *= 1 + value
+                else:
+                    columns.setdefault(_COLUMNS[effect.name][key], np.zeros(s.storeys))[k] = value
+        return core.FrameInput(damper_between=s.damper_between, **columns)
 
     @property
     def built(self) -> ShearFrame:

@@ -31,19 +31,8 @@ FRAME_INPUTS = ("time_s", "ground_acceleration_m_s2", "command")
 """What a simulation of a frame needs of a record."""
 
 _FLOOR = re.compile(r"floor[1-9][0-9]*_(acceleration_m_s2|displacement_m)", re.ASCII)
-_QUANTITIES = {
-    "reference_force": "reference_force_N",
-    "ground_acceleration": "ground_acceleration_m_s2",
-    "displacement": "displacement_m",
-    "acceleration": "acceleration_m_s2",
-    "temperature": "temperature_C",
-    "velocity": "velocity_m_s",
-    "command": "command",
-    "current": "current_A",
-    "force": "force_N",
-    "charge": "charge_pC",
-    "time": "time_s",
-}
+#: Channel by its name without the unit.
+_QUANTITIES = {re.sub("_(s|m|N|pC|A|C|m_s2?)$", "", name): name for name in CHANNELS if "floorN" not in name}
 _UNIT = re.compile(
     r"[kmc]?n|lbf?|kgf"  # force
     r"|[mcun]?m|in(ch)?|ft"  # length

@@ -20,20 +20,16 @@ _SHARE, _OVER_NEXT = 0.01, 4.0
 #: A constant force has the error 1. A law that leaves this much of the force's standard deviation explains less than a
 #: fifth of its variance; the worst fit of a law to measured records here, Bingham's to the embedded set, leaves .55.
 NO_BETTER, _WORSE = 0.9, 1.1
-#: What dampers and their rigs have, as the least and the largest: range of the displacement (m), size of force (N) and
-#: command (A or V), sampling rate (Hz), charge over force (pC/N; quartz 2, ceramics to 700 a wafer). A channel beyond
-#: it is likely in mm, kN, mA, ms or nC.
+#: What dampers and their rigs have, as the least and the largest, and what is said of it: range of the displacement
+#: (m), size of force (N) and command (A or V), sampling rate (Hz), charge over force (pC/N; quartz 2, ceramics to 700 a
+#: wafer). A channel beyond it is likely in mm, kN, mA, ms or nC.
 _USUAL = {
-    "displacement_m": (1e-4, 3.0), "force_N": (2.0, 1e7), "reference_force_N": (2.0, 1e7), "command": (0.0, 50.0),
-    "rate": (20.0, 1e5), "sensitivity": (1.0, 1e4),
-}  # fmt: skip
-_SAID = {
-    "displacement_m": "displacement_m spans {:.3g} m",
-    "force_N": "force_N is up to {:.3g} N",
-    "reference_force_N": "reference_force_N is up to {:.3g} N",
-    "command": "command is up to {:.3g}",
-    "sensitivity": "charge_pC is {:.3g} pC for each N of reference_force_N",
-    "rate": "the clock runs at {:.3g} Hz, and every 0.5 ms is computed",
+    "displacement_m": (1e-4, 3.0, "displacement_m spans {:.3g} m"),
+    "force_N": (2.0, 1e7, "force_N is up to {:.3g} N"),
+    "reference_force_N": (2.0, 1e7, "reference_force_N is up to {:.3g} N"),
+    "command": (0.0, 50.0, "command is up to {:.3g}"),
+    "rate": (20.0, 1e5, "the clock runs at {:.3g} Hz, and every 0.5 ms is computed"),
+    "sensitivity": (1.0, 1e4, "charge_pC is {:.3g} pC for each N of reference_force_N"),
 }
 _UNITS = "channels are in m, N, s, pC, and A or V"
 #: A record of a set has another unit where a channel is so many times the set's median, or that part of it.
@@ -102,12 +98,12 @@ def warnings_of(records: Sequence[Record]) -> list[str]:
     for record, own in zip(records, sizes, strict=True):
         found += [said] if (said := _sign(record)) else []
         for name, size in own.items():
-            low, high = _USUAL[name]
+            low, high, said = _USUAL[name]
             usual = float(np.median([other[name] for other in sizes if name in other]))
             if not low <= size <= high:
-                found.append(f"{record.label}: {_SAID[name].format(size)}; usual are {low:g} to {high:g}: {_UNITS}")
+                found.append(f"{record.label}: {said.format(size)}; usual are {low:g} to {high:g}: {_UNITS}")
             elif size > 0 and usual > 0 and not 1 / _SPREAD < size / usual < _SPREAD:
-                found.append(f"{record.label}: {_SAID[name].format(size)}, the other records {usual:.3g}: {_UNITS}")
+                found.append(f"{record.label}: {said.format(size)}, the other records {usual:.3g}: {_UNITS}")
     return list(dict.fromkeys(found))  # both parts of one record say the same
 
 

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from mrdamp.errors import InputError
 
@@ -43,10 +42,10 @@ class ParameterSet:
             optional dependences on the field, then ``command_min`` and ``command_max`` where the force
             depends on the command.
         command: range the numbers hold for.
-        effects: effect -> parameter -> value, for what the source has beside the law (the coil's lag).
         status: A: two independent public copies, or one and reproduced results; B: one public copy.
         sources: papers and repositories, the first one is where the numbers were published.
         notes: conversions made, and what is doubtful.
+        effects: effect -> parameter -> value, for what the source has beside the law (the coil's lag).
     """
 
     id: str
@@ -54,17 +53,16 @@ class ParameterSet:
     law: str
     parameters: Mapping[str, float]
     command: CommandRange
-    effects: Mapping[str, Mapping[str, float]]
     status: Literal["A", "B"]
     sources: tuple[str, ...]
     notes: str
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
-    def attributes(self, *, effects: bool = True) -> dict[str, float]:
-        """Parameters and, unless left out, effects as one table of attributes (``driver_lag_tau`` ...)."""
+    def attributes(self) -> dict[str, float]:
+        """Parameters and effects as one table of attributes (``driver_lag_tau`` ...)."""
         table = dict(self.parameters)
-        if effects:
-            for effect, values in self.effects.items():
-                table |= {f"{effect}_{name}": value for name, value in values.items()}
+        for effect, values in self.effects.items():
+            table |= {f"{effect}_{name}": value for name, value in values.items()}
         return table
 
     def model(self) -> Model:
@@ -90,19 +88,5 @@ def load(id: str) -> ParameterSet:
     """
     if id not in names():
         raise InputError(f"parameter set {id!r}: no such set; there are {', '.join(names())}")
-    text = resources.files(__name__).joinpath(f"{id}.json").read_text(encoding="utf-8")
-    return _parse(json.loads(text))
-
-
-def _parse(data: dict[str, Any]) -> ParameterSet:
-    return ParameterSet(
-        id=data["id"],
-        device=data["device"],
-        law=data["law"],
-        parameters=MappingProxyType(data["parameters"]),
-        command=CommandRange(**data["command"]),
-        effects=MappingProxyType({k: MappingProxyType(v) for k, v in data.get("effects", {}).items()}),
-        status=data["status"],
-        sources=tuple(data["sources"]),
-        notes=data["notes"],
-    )
+    data = json.loads(resources.files(__name__).joinpath(f"{id}.json").read_text(encoding="utf-8"))
+    return ParameterSet(**data | {"command": CommandRange(**data["command"]), "sources": tuple(data["sources"])})
