@@ -11,8 +11,8 @@ from scipy.stats import multivariate_normal
 
 from excitation import Array
 from mrdamp.narx.bayes import effective, minimise
-from mrdamp.narx.data import lagged
-from mrdamp.narx.network import Network, regressors
+from mrdamp.narx.data import Series, lagged
+from mrdamp.narx.network import Network
 from mrdamp.narx.problems import FreeRun, OneStep
 from mrdamp.narx.prune import compact
 from narx_data import made, small
@@ -82,8 +82,8 @@ def test_lag_space_and_what_lies_before_a_record() -> None:
     assert lagged("vF", 1) == (("v", 0), ("v", 1), ("F", 1), ("F", 2))
     assert len(lagged("vF", 4)) == 10  # the paper's 10-9-1
     assert len(lagged("viF", 4)) == 15
-    channels = {name: np.array([1.0, 2.0, 3.0]) for name in "xviF"}
-    table = regressors(channels, (("x", 1), ("v", 1), ("i", 2), ("F", 1), ("v", 0)))
+    x = np.array([1.0, 2.0, 3.0])
+    table = Series("s", 1e-3, x, x, x, x).regressors((("x", 1), ("v", 1), ("i", 2), ("F", 1), ("v", 0)))
     np.testing.assert_array_equal(table, [[1, 0, 1, 0, 1], [1, 1, 1, 1, 2], [2, 2, 1, 2, 3]])
 
 

@@ -28,7 +28,6 @@ from mrdamp.files import digest
 Result = TypeVar("Result")
 #: Of a long run: called with what is done, and a share from 0 to 1.
 Progress = Callable[[str, float], None]
-BACKENDS = ("loky", "ray")
 _watched = False
 
 
@@ -94,7 +93,7 @@ def _backend() -> Iterator[str]:
         yield name
         return
     if name != "ray":
-        raise InputError(f"MRDAMP_BACKEND is '{name}'; allowed: {', '.join(BACKENDS)}")
+        raise InputError(f"MRDAMP_BACKEND is '{name}'; allowed: loky, ray")
     try:
         from ray.util.joblib import register_ray
     except ImportError:

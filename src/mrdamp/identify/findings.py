@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from mrdamp.identify.excerpts import is_led, skipped
 from mrdamp.identify.fit import Fit, simulate
 from mrdamp.model import Effect, Model
-from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.simulation.predict import BEYOND, carried_noise, clamped, free_run
 
@@ -33,13 +32,16 @@ def findings(fit: Fit, train: Sequence[Record], held_out: Sequence[Record]) -> l
     """A line for each; empty where there is nothing to say."""
     lines = [*_limits(fit), *_one_command(fit.model, train)]
     lines += [f"{record.label}: {said}" for record in held_out if (said := clamped(fit.model, record))]
-    residuals = [_residual(fit.model, record, fit.started.get(record.name, 0.0)) for record in train]
-    left = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
+    left = _left(fit.model, train, fit.started)
     return [*lines, *_faster(train, held_out), *_starts(fit, train), *_lag(fit, train), *_motion(fit, train, left)]
 
 
-def _residual(model: Model, record: Record, started: float = 0.0) -> Array:
-    return (simulate(model, record, started) - record.channel("force_N"))[skipped(record) :]
+def _left(model: Model, records: Sequence[Record], started: Mapping[str, float]) -> float:
+    """RMS error, N. started: as in `Fit`."""
+    residuals = [
+        (simulate(model, r, started.get(r.name, 0.0)) - r.channel("force_N"))[skipped(r) :] for r in records
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
 
 
 def _limits(fit: Fit) -> list[str]:
@@ -90,14 +92,7 @@ def _starts(fit: Fit, train: Sequence[Record]) -> list[str]:
             f"{moving} of {len(train)} records begin in motion: their state at the start is estimated, and parameters"
             " may be off by more than their intervals; begin the recording before the motion"
         ] * (moving > 0)
-    both = [
-        float(
-            np.sqrt(
-                np.mean(np.concatenate([_residual(fit.model, r, fit.started[r.name] * on) for r in led]) ** 2)
-            )
-        )
-        for on in (0, 1)
-    ]
+    both = [_left(fit.model, led, started) for started in ({}, fit.started)]
     return [
         f"{len(led)} records begin in motion, with a slow state (x - y) that is not measured: {both[0]:.3g} N"
         f" without it, {both[1]:.3g} N with it as fitted; a prediction cannot know it"
@@ -118,14 +113,10 @@ def _lag(fit: Fit, train: Sequence[Record]) -> list[str]:
         tried = [
             ((1 - share) * fitted.parameters["tau"], share * fitted.parameters["tau"]) for share in _SPLITS
         ]
-
-    def error(model: Model) -> float:
-        return float(np.sqrt(np.mean(np.concatenate([_residual(model, r) for r in moved]) ** 2)))
-
-    own, best = error(fit.model), (np.inf, 0.0, 0.0)
+    own, best = _left(fit.model, moved, {}), (np.inf, 0.0, 0.0)
     for tau, d in tried:
         more = [Effect("driver_lag", {"tau": tau}), *([Effect("command_delay", {"d": d})] if d else [])]
-        best = min(best, (error(fit.model.with_effects((*effects.values(), *more))), tau, d))
+        best = min(best, (_left(fit.model.with_effects((*effects.values(), *more)), moved, {}), tau, d))
     left, tau, d = best
     if left > (1 - (_WORTH if fitted is None else _WORTH_PARTING)) * own:
         return []
@@ -146,15 +137,12 @@ def _motion(fit: Fit, train: Sequence[Record], left: float) -> list[str]:
     if not level > 0 or carried < _WORTH_NOISE * left:
         return []
     cutoff = _cutoff(train)
-    advice = f"; compare with --cutoff {cutoff:.2g}" if cutoff < _BELOW_NYQUIST * _nyquist(train) else ""
+    nyquist = min(0.5 / record.sample_time for record in train)
+    advice = f"; compare with --cutoff {cutoff:.2g}" if cutoff < _BELOW_NYQUIST * nyquist else ""
     return [
         f"noise or steps of the displacement, {1e6 * level:.2g} um, are {carried:.3g} N of the simulated force (error"
         f" {left:.3g} N): parameters may be biased by it{advice}"
     ]
-
-
-def _nyquist(train: Sequence[Record]) -> float:
-    return min(0.5 / record.sample_time for record in train)
 
 
 def _cutoff(train: Sequence[Record]) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
-from mrdamp.narx.network import Input, check_inputs, regressors
+from mrdamp.narx.network import Input, check_inputs
 from mrdamp.records import Record
 from mrdamp.records.checks import check_channels, check_clipping
 from mrdamp.records.motion import noise
@@ -51,8 +51,16 @@ class Series:
         )  # fmt: skip
 
     def regressors(self, inputs: Sequence[Input]) -> Array:
-        """(n, inputs) in physical units; the first rows, up to the largest lag, hold the plugin's start."""
-        return regressors({"x": self.x, "v": self.v, "i": self.i, "F": self.force}, inputs)
+        """(n, inputs) in physical units: every input's channel, shifted by its lag.
+
+        In front of the first sample: x and i as there, no v, no force, as the plugin starts.
+        """
+        columns = []
+        for channel, lag in inputs:
+            y = self.force if channel == "F" else getattr(self, channel)
+            before = np.full(min(lag, self.n), y[0] if channel in "xi" else 0.0)
+            columns.append(np.concatenate([before, y[: max(self.n - lag, 0)]]))
+        return np.stack(columns, axis=1)
 
 
 def lagged(channels: str = "viF", lags: int = 4) -> tuple[Input, ...]:

@@ -6,7 +6,7 @@ arithmetic is in scaled units: tanh layers and a linear output, with exact deriv
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -208,36 +208,22 @@ class Network:
         """Reads a weights file; InputError as from the plugin's own reader."""
         core.Narx(text)  # checks it word by word
         words = iter(text.split())
-        found: dict[str, list[str]] = {}
-        theta: list[float] = []
-        _take(words, 2)
-        found["sample_time"] = _take(words, 2)[1:]
-        n = int(_take(words, 2)[1])
-        inputs = tuple((word.split(":")[0], int(word.split(":")[1])) for word in _take(words, n))
-        found["offset"], found["scale"] = _take(words, n + 1)[1:], _take(words, n + 1)[1:]
-        found["force"] = _take(words, 3)[1:]
-        hidden = tuple(int(word) for word in _take(words, int(_take(words, 2)[1])))
-        for rows, cols in shapes(n, hidden):
-            theta += map(float, _take(words, rows * cols + 1)[1:])
-            theta += map(float, _take(words, rows + 1)[1:])
-        number = {key: np.array([float(word) for word in value]) for key, value in found.items()}
-        return cls(
-            float(number["sample_time"][0]), inputs, number["offset"], number["scale"],
-            float(number["force"][0]), float(number["force"][1]), hidden, np.array(theta),
-        )  # fmt: skip
 
+        def numbers(count: int) -> Array:
+            """Those behind a keyword."""
+            next(words)
+            return np.array([float(next(words)) for _ in range(count)])
 
-def regressors(channels: dict[str, Array], inputs: Sequence[Input]) -> Array:
-    """(n, inputs) in physical units: every input's channel, shifted by its lag.
-
-    In front of the first sample: x and i as there, no v, no force, as the plugin starts.
-    """
-    columns = []
-    for channel, lag in inputs:
-        y = channels[channel]
-        before = y[0] if channel in "xi" else 0.0
-        columns.append(np.concatenate([np.full(min(lag, len(y)), before), y[: max(len(y) - lag, 0)]]))
-    return np.stack(columns, axis=1)
+        next(words)
+        next(words)
+        (sample_time,) = numbers(1)
+        (n,) = numbers(1).astype(int)
+        inputs = tuple((word.split(":")[0], int(word.split(":")[1])) for word in (next(words) for _ in range(n)))
+        offset, scale, force = numbers(n), numbers(n), numbers(2)
+        (layers,) = numbers(1).astype(int)
+        hidden = tuple(int(next(words)) for _ in range(layers))
+        theta = np.concatenate([numbers(size) for rows, cols in shapes(n, hidden) for size in (rows * cols, rows)])
+        return cls(float(sample_time), inputs, offset, scale, float(force[0]), float(force[1]), hidden, theta)
 
 
 def check_inputs(inputs: Sequence[Input]) -> None:
@@ -261,7 +247,3 @@ def check_hidden(hidden: Sequence[int]) -> None:
 
 def _numbers(values: Array) -> str:
     return " ".join(repr(float(value)) for value in values)
-
-
-def _take(words: Iterator[str], n: int) -> list[str]:
-    return [next(words) for _ in range(n)]

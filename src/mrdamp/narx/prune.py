@@ -98,42 +98,33 @@ def prune(
         raise InputError("pruning needs training and validation records")
     skip = int(START / network.sample_time)
     problem = FreeRun.of(network, train, horizon, most, skip=skip)
+    free, say = network.theta != 0.0, progress or silent
     with threadpool_limits(limits=1):  # the same network on every machine
-        steps = _pruning_curve(network, problem, validation, share, least, iterations, method, progress or silent)
+        # The whole network gets the same retraining first, so that the course compares like with like.
+        posterior = minimise(problem, network.theta, free=free, iterations=2 * iterations, tolerance=1e-4)
+        steps = [_step(network, network.theta, validation), _step(network, posterior.theta, validation)]
+        begin = int(free.sum())
+        while free.sum() > least:
+            gone = float(np.log(free.sum() / begin) / np.log(least / begin))
+            say(f"{int(free.sum())} weights, free-run error {100 * steps[-1].free_run:.2f} %", gone)
+            number = min(max(1, int(share * free.sum())), int(free.sum()) - least)
+            theta = _without(network, posterior, free, number, method)
+            theta, free = _drop_dead(network, theta, free)
+            if not np.isfinite(problem.cost(theta)):
+                theta = np.where(free, posterior.theta, 0.0)  # the correction went too far: without it
+                if not np.isfinite(problem.cost(theta)):
+                    break
+            posterior = minimise(
+                problem, theta, alpha=posterior.alpha, free=free, iterations=iterations, tolerance=1e-4
+            )
+            # Retrained on the training records, it may be worse on the others than it was.
+            found = [_step(network, p, validation) for p in (theta, posterior.theta)]
+            steps.append(min(found, key=lambda s: s.free_run))
+            if steps[-1].free_run > 5.0 * min(s.free_run for s in steps):
+                break
     limit = (1.0 + tolerance) * min(s.free_run for s in steps)
     good = min((s for s in steps if s.free_run <= limit), key=lambda s: s.weights)
     return Pruned(tuple(steps), good.network, tolerance)
-
-
-def _pruning_curve(
-    network: Network, problem: FreeRun, validation: Sequence[Series], share: float, least: int, iterations: int,
-    method: str, say: Progress,
-) -> list[Step]:  # fmt: skip
-    """The networks from the whole one down."""
-    free = network.theta != 0.0
-    # The whole network gets the same retraining first, so that the course compares like with like.
-    posterior = minimise(problem, network.theta, free=free, iterations=2 * iterations, tolerance=1e-4)
-    steps = [_step(network, network.theta, validation), _step(network, posterior.theta, validation)]
-    begin = int(free.sum())
-    while free.sum() > least:
-        gone = float(np.log(free.sum() / begin) / np.log(least / begin))
-        say(f"{int(free.sum())} weights, free-run error {100 * steps[-1].free_run:.2f} %", gone)
-        number = min(max(1, int(share * free.sum())), int(free.sum()) - least)
-        theta = _without(network, posterior, free, number, method)
-        theta, free = _drop_dead(network, theta, free)
-        if not np.isfinite(problem.cost(theta)):
-            theta = np.where(free, posterior.theta, 0.0)  # the correction went too far: without it
-            if not np.isfinite(problem.cost(theta)):
-                break
-        posterior = minimise(
-            problem, theta, alpha=posterior.alpha, free=free, iterations=iterations, tolerance=1e-4
-        )
-        # Retrained on the training records, it may be worse on the others than it was.
-        found = [_step(network, p, validation) for p in (theta, posterior.theta)]
-        steps.append(min(found, key=lambda s: s.free_run))
-        if steps[-1].free_run > 5.0 * min(s.free_run for s in steps):
-            break
-    return steps
 
 
 def compact(network: Network) -> Network:

@@ -39,11 +39,6 @@ class DataSplit:
         return bool(np.ptp(np.concatenate([s.i for s in self.train])) > 0.0)
 
     @property
-    def varies_within(self) -> bool:
-        """Whether it varies within one of the training records."""
-        return any(np.ptp(s.i) > 0.0 for s in self.train)
-
-    @property
     def channels(self) -> str:
         """Inputs of the self-sensing paper: v and F, and i where the command varies."""
         return "viF" if self.varies else "vF"
@@ -56,7 +51,7 @@ class DataSplit:
     @property
     def units(self) -> tuple[int, ...]:
         """Hidden units: the paper's 20 where the command varies within a record, else its 9."""
-        return (20,) if self.varies_within else (9,)
+        return (20,) if any(np.ptp(s.i) > 0.0 for s in self.train) else (9,)
 
     def score(self, network: Network) -> float:
         """Free-run error on the validation records; slower ones than the network at their own rate.
@@ -64,14 +59,10 @@ class DataSplit:
         There the plugin evaluates it between samples, where a network that is good on its own grid may go astray.
         """
         model = Model("narx", weights=network.to_text())
-        value = pooled(
-            [
-                error(model, record)
-                if record.sample_time > 1.001 * self.sample_time
-                else free_run_error(network, s)
-                for record, s in zip(self.whole, self.validation, strict=True)
-            ]
-        )
+        value = pooled([
+            error(model, record) if record.sample_time > 1.001 * self.sample_time else free_run_error(network, s)
+            for record, s in zip(self.whole, self.validation, strict=True)
+        ])
         return value if np.isfinite(value) else float("inf")
 
 

@@ -8,6 +8,7 @@ import re
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ def columns_of(path: Path, wanted: Sequence[str], time: str = "") -> dict[str, A
     if suffix == ".xlsx":
         return _of_lines(path, list(_sheet(path)), wanted, time)
     if suffix in _ARRAYS:
-        return _picked(path, _ARRAYS[suffix](path), wanted, time)
+        return _picked(path, dict(_flat(_foreign(path, partial(_ARRAYS[suffix], path)))), wanted, time)
     return _of_lines(path, decode(str(path), read_bytes(path)).rstrip().split("\n"), wanted, time)
 
 
@@ -174,30 +175,20 @@ def _sheet(path: Path) -> Iterator[str]:
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
-def _npz(path: Path) -> dict[str, Any]:
-    def load(data: io.BytesIO) -> dict[str, Any]:
-        with zipfile.ZipFile(data) as packed:
-            if sum(item.file_size for item in packed.infolist()) > LARGEST_FILE:
-                raise InputError(f"more than {LARGEST_FILE >> 20} MiB when unpacked")
-        data.seek(0)
-        with np.load(data, allow_pickle=False) as found:
-            return {name: found[name] for name in found.files}
-
-    return dict(_flat(_foreign(path, load)))
+def _npz(_: Path, data: io.BytesIO) -> Mapping[str, Any]:
+    with zipfile.ZipFile(data) as packed:
+        if sum(item.file_size for item in packed.infolist()) > LARGEST_FILE:
+            raise InputError(f"more than {LARGEST_FILE >> 20} MiB when unpacked")
+    data.seek(0)
+    with np.load(data, allow_pickle=False) as found:
+        return dict(found)
 
 
-def _mat(path: Path) -> dict[str, Any]:
+def _mat(path: Path, data: io.BytesIO) -> Mapping[str, Any]:
     from scipy.io import loadmat
 
-    def load(data: io.BytesIO) -> Any:
-        if _HDF5 in (data.getvalue()[:8], data.getvalue()[512:520]):  # version 7.3, without and with its header
-            return _hdf5(path, data)
-        return loadmat(data, simplify_cells=True)
-
-    return dict(_flat(_foreign(path, load)))
-
-
-def _hdf5(path: Path, data: io.BytesIO) -> dict[str, Any]:
+    if _HDF5 not in (data.getvalue()[:8], data.getvalue()[512:520]):  # version 7.3, without and with its header
+        return dict(loadmat(data, simplify_cells=True))
     try:
         import h5py
     except ImportError:
@@ -212,16 +203,18 @@ def _hdf5(path: Path, data: io.BytesIO) -> dict[str, Any]:
     return found
 
 
-def _parquet(path: Path) -> dict[str, Any]:
+def _parquet(path: Path, data: io.BytesIO) -> Mapping[str, Any]:
     try:
         from pyarrow import parquet
     except ImportError:
         raise _missing(path, "pyarrow") from None
-    table = _foreign(path, parquet.read_table)
+    table = parquet.read_table(data)
     return {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
 
 
-_ARRAYS: Mapping[str, Callable[[Path], dict[str, Any]]] = {".npz": _npz, ".mat": _mat, ".parquet": _parquet}
+_ARRAYS: Mapping[str, Callable[[Path, io.BytesIO], Mapping[str, Any]]] = {
+    ".npz": _npz, ".mat": _mat, ".parquet": _parquet
+}  # fmt: skip
 
 
 def _foreign(path: Path, load: Callable[[io.BytesIO], Any]) -> Any:

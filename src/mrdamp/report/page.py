@@ -6,7 +6,7 @@ import base64
 import io
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
@@ -103,26 +103,21 @@ class Page:
 
         Raises InputError where alt is empty.
         """
-        self._check_alt(caption, alt)
         self._pictures += 1
         width, height = (round(72 * inch) for inch in fig.get_size_inches())
         with matplotlib.rc_context(STYLE):
             svg = _svg(fig, f"p{self._pictures}")
             png = _png(fig) if len(svg) > PICTURE_LIMIT else ""
-        picture = _Picture(Markup() if png else svg, png, width, height, caption, " ".join(alt.split()))
-        self._add(heading, "figure", picture)
+        self._show(heading, _Picture(Markup() if png else svg, png, width, height, caption, alt))
 
     def animation(self, heading: str, drawn: Animation, caption: str, alt: str) -> None:
         """An animated picture; readers who turned motion off get its first one. alt: as in `figure`."""
-        self._check_alt(caption, alt)
         moving, still = (
             f"data:image/webp;base64,{base64.b64encode(data).decode('ascii')}"
             for data in (drawn.moving, drawn.still)
         )
-        picture = _Picture(
-            Markup(), moving, drawn.width, drawn.height, caption, " ".join(alt.split()), still, True
-        )
-        self._add(heading, "figure", picture)
+        picture = _Picture(Markup(), moving, drawn.width, drawn.height, caption, alt, still, photo=True)
+        self._show(heading, picture)
 
     def html(self) -> str:
         """The whole page."""
@@ -147,10 +142,10 @@ class Page:
         """
         write_atomic(Path(path), self.html())
 
-    @staticmethod
-    def _check_alt(caption: str, alt: str) -> None:
-        if not alt.strip():
-            raise InputError(f"page: the picture '{caption}' has no alt text")
+    def _show(self, heading: str, picture: _Picture) -> None:
+        if not picture.alt.strip():
+            raise InputError(f"page: the picture '{picture.caption}' has no alt text")
+        self._add(heading, "figure", replace(picture, alt=" ".join(picture.alt.split())))
 
     def _add(self, heading: str, kind: str, block: object) -> None:
         if heading or not self._sections:
