@@ -11,6 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrdamp.errors import InputError, require_kind, require_path
+
 if TYPE_CHECKING:
     from mrdamp.compare import Comparison
     from mrdamp.diagnosis.case.folder import Case
@@ -44,7 +46,6 @@ def identify(
     records: a set, or files, a folder or a packaged set for `read_records`. law: a force law
     (`mrdamp.identify.laws.parametric()`). The others: see `mrdamp.identify.fit.identify`.
     """
-    from mrdamp.errors import InputError, require_kind
     from mrdamp.identify.fit import identify as fitted
     from mrdamp.records import Record, RecordSet, read_records
 
@@ -73,7 +74,6 @@ def diagnose(case: Case | Path | str, *, jobs: int = 1, progress: Progress | Non
     from mrdamp.diagnosis.case.folder import Case, read_case
     from mrdamp.diagnosis.run import diagnose as answered
     from mrdamp.diagnosis.searched import silent
-    from mrdamp.errors import InputError, require_path
 
     _require_jobs(jobs)
     if case is None:
@@ -113,7 +113,6 @@ def compare(
     so many runs. keep: a file that a stopped comparison goes on from.
     """
     from mrdamp.compare.benches import bench_of, compared
-    from mrdamp.errors import InputError, require_kind, require_path
     from mrdamp.model import Model
 
     if not isinstance(environment, str):
@@ -171,7 +170,6 @@ def train(
     environment: mrdamp/Frame-v0, mrdamp/Cable-v0, mrdamp/QuarterCar-v0, or file.py:NAME. algo: as of `mrdamp train`.
     The same call goes on where one stopped. The others: see `mrdamp.train.settings.Options`.
     """
-    from mrdamp.errors import InputError, require_kind, require_path
     from mrdamp.train.learn import sweep
     from mrdamp.train.settings import Options
 
@@ -192,7 +190,5 @@ def train(
 
 
 def _require_jobs(jobs: int) -> None:
-    from mrdamp.errors import InputError
-
     if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
         raise InputError(f"jobs is {jobs!r}; allowed: 1 or more")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -258,8 +260,6 @@ def _launch(path: Path) -> int:
 
 
 def _sets(a: argparse.Namespace) -> int:
-    import json
-
     from mrdamp import models_xml, sets
 
     if a.name:
@@ -282,9 +282,6 @@ def _sets(a: argparse.Namespace) -> int:
 
 
 def _citation(a: argparse.Namespace) -> int:
-    import json
-    from dataclasses import asdict
-
     from mrdamp.model.citations import citation, references
 
     if a.bibtex and a.json:

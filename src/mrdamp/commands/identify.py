@@ -27,13 +27,7 @@ from mrdamp.commands import (
     show_progress,
 )
 from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, of_table, reporting
-from mrdamp.commands.narx import (
-    add_narx_options,
-    add_protocol_options,
-    check_protocol,
-    identify_narx,
-    protocol_records,
-)
+from mrdamp.commands.narx import add_narx_options, add_protocol_options, check_protocol, protocol_records
 from mrdamp.errors import InputError
 from mrdamp.files import together
 
@@ -170,6 +164,8 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         ):
             if value:
                 raise InputError(f"{flag} is for laws; a network (--law narx) has no parameters of that kind")
+        from mrdamp.commands.network import identify_narx
+
         with progress_bar() as progress:
             return identify_narx(a, records, progress)
     records = protocol_records(a, records)
