@@ -19,7 +19,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, optional
 from mrdamp.files import decode, read_bytes, write_atomic
 from mrdamp.records import SUFFIXES, Record, RecordSet, read_records
 
@@ -213,10 +213,7 @@ def fetch(known: Dataset, folder: Path, progress: Progress | None = None) -> Pat
 
 
 def _puller(known: Dataset, folder: Path, seen: dict[str, str]) -> Any:
-    try:
-        import pooch  # type: ignore[import-untyped]
-    except ImportError:
-        raise InputError("fetching needs pooch, which is not installed: pip install 'mrdamp[data]'") from None
+    pooch = optional("pooch", "data", "fetching needs pooch")
     assert known.source is not None
     pooch.get_logger().setLevel("WARNING")
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from importlib import import_module
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -94,3 +95,11 @@ def require_kind(words: str, kind: type | tuple[type, ...], **values: Any) -> No
     for name, value in values.items():
         if value is not None and (not isinstance(value, kind) or (isinstance(value, bool) and kind is int)):
             raise InputError(f"{name} is {value!r}; allowed: {words}".splitlines()[0])
+
+
+def optional(module: str, extra: str, needing: str) -> Any:
+    """A module that comes with an extra. Raises InputError, which says what needs it, where it is not installed."""
+    try:
+        return import_module(module)
+    except ImportError:
+        raise InputError(f"{needing}, which is not installed: pip install 'mrdamp[{extra}]'") from None

@@ -179,15 +179,11 @@ class Current:
         checked(driver.cuCtxPopCurrent())
 
 
+@functools.cache
 def kernels(device: Any, what: str, law: str, free: tuple[int, ...], dampers: int = 1) -> Kernels:
     """The kernels of `compiled` for a device, kept. device: with `name`, `arch` and `context`, as Warp's."""
     if device.arch < _LEAST:
         raise InputError(f"{device.name}: compute capability {device.arch / 10:.1f}; dampers need {_LEAST / 10:.1f}")
-    return _kernels(device, what, law, free, dampers)
-
-
-@functools.cache
-def _kernels(device: Any, what: str, law: str, free: tuple[int, ...], dampers: int) -> Kernels:
     names = ("run",) if what == "records" else ("act", "read")
     return Kernels(device, compiled(what, law, free, device.arch, dampers), names)
 

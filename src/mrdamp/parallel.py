@@ -22,7 +22,7 @@ from typing import Any, Protocol, TypedDict, TypeVar, Unpack
 import joblib
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, optional
 from mrdamp.files import digest
 
 Result = TypeVar("Result")
@@ -94,13 +94,7 @@ def _backend() -> Iterator[str]:
         return
     if name != "ray":
         raise InputError(f"MRDAMP_BACKEND is '{name}'; allowed: loky, ray")
-    try:
-        from ray.util.joblib import register_ray
-    except ImportError:
-        raise InputError(
-            "MRDAMP_BACKEND is 'ray', which is not installed: pip install 'mrdamp[cluster]'"
-        ) from None
-    register_ray()
+    optional("ray.util.joblib", "cluster", "MRDAMP_BACKEND is 'ray'").register_ray()
     with joblib.parallel_config(backend=name):
         yield name
 

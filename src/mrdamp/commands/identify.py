@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -152,7 +152,6 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     from mrdamp.identify.comparison import overview_of
     from mrdamp.identify.findings import findings
     from mrdamp.identify.intervals import channel_findings
-    from mrdamp.identify.provenance import write_identified
     from mrdamp.records.checks import check_explained, unexplained
 
     if a.law == "narx":
@@ -221,18 +220,13 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         )
     _found(fit, left, checks)
     rows = _intervals(a, fit, records) if a.intervals else ()
-    with together():
-        write_identified(fit.model, records.train, a.out)
-        if a.picture:
-            save_picture(overview_of(fit.model, records.held_out or records.train, a.command_unit), a.picture)
-    print(f"model: {a.out}")
+    _write(a, fit, records, lambda: overview_of(fit.model, records.held_out or records.train, a.command_unit))
     return of_fit(fit, left, rows, fits) | {"checks": checks}
 
 
 def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     from mrdamp.identify import pooled
     from mrdamp.identify.by_command import identify_by_command
-    from mrdamp.identify.provenance import write_identified
 
     found = identify_by_command(
         a.law,
@@ -253,12 +247,19 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         print(f"{line.parameter:>20s} {line.zero:14.5g} {line.slope:12.5g} {line.scatter:12.3g}")
     print(f"law of the lines: fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
     _errors(fit.held_out, "held out")
+    _write(a, fit, records, lambda: _lines(a, found))
+    return of_by_command(found)
+
+
+def _write(a: argparse.Namespace, fit: Fit, records: RecordSet, draw: Callable[[], Figure]) -> None:
+    """The model file, and the picture if one is asked for."""
+    from mrdamp.identify.provenance import write_identified
+
     with together():
         write_identified(fit.model, records.train, a.out)
         if a.picture:
-            save_picture(_lines(a, found), a.picture)
+            save_picture(draw(), a.picture)
     print(f"model: {a.out}")
-    return of_by_command(found)
 
 
 def _lines(a: argparse.Namespace, found: ByCommand) -> Figure:

@@ -87,9 +87,8 @@ class SensingRow:
 
 def read_tests(source: Path | str | Sequence[Path | str]) -> list[Record]:
     """Every test of a folder, a file or a list of files, each with the channels of COLUMNS. Raises InputError."""
-    if not isinstance(source, Path | str):
-        return [read_record(path, COLUMNS) for path in source]
-    return [read_record(path, COLUMNS) for path in files_in(Path(source))]
+    files = files_in(Path(source)) if isinstance(source, Path | str) else source
+    return [read_record(path, COLUMNS) for path in files]
 
 
 def embedded_tests() -> list[Record]:

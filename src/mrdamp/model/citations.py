@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mrdamp import __version__, sets
@@ -44,15 +44,13 @@ class Reference:
         return "\n".join([f"@article{{{self.key},", *lines, "}"])
 
 
-def _sources() -> Iterator[Reference]:
-    for key, authors, title, journal, year, *rest in rows("source"):
-        yield Reference(key, tuple(authors.split("; ")), title, journal, int(year), *rest)
-
-
 @functools.cache
 def references() -> Mapping[str, tuple[Reference, ...]]:
     """Sources by law, the law's own first."""
-    known = {source.key: source for source in _sources()}
+    known = {
+        key: Reference(key, tuple(authors.split("; ")), title, journal, int(year), *rest)
+        for key, authors, title, journal, year, *rest in rows("source")
+    }
     return {law: tuple(known[key] for key in law_row(law, "sources").split()) for law in laws()}
 
 

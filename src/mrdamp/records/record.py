@@ -145,7 +145,7 @@ class Record(Shown):
                 f"{self.label}: fewer than 3 samples from {t0:g} to {t1:g} s;"
                 f" the record runs from {self.time[0]:g} to {self.time[-1]:g} s"
             )
-        return self._like(self.sample_time, {name: x[keep] for name, x in self.channels.items()})
+        return replace(self, channels={name: x[keep] for name, x in self.channels.items()}, lead=0)
 
     def resample(self, sample_time: float) -> Record:
         """The record on another sample time (s): linear interpolation.
@@ -159,7 +159,8 @@ class Record(Shown):
             channels[name] = sampling.resampled(x, self.sample_time, sample_time, filtered=filtered)
         count = len(channels["time_s"])
         channels["time_s"] = self.time[0] + sample_time * np.arange(count)
-        return replace(self._like(sample_time, channels), lead=round(self.lead * self.sample_time / sample_time))
+        lead = round(self.lead * self.sample_time / sample_time)
+        return replace(self, sample_time=sample_time, channels=channels, lead=lead)
 
     def with_channels(self, channels: Mapping[str, Array]) -> Record:
         """The record with channels (n,) added or replaced."""
@@ -176,9 +177,6 @@ class Record(Shown):
     def _smooth(self, name: str, cutoff_hz: float | None) -> Array:
         x = self.channel(name)
         return x if cutoff_hz is None else sampling.lowpass(x, self.sample_time, cutoff_hz)
-
-    def _like(self, sample_time: float, channels: Mapping[str, Array]) -> Record:
-        return Record(self.name, self.path, sample_time, channels, self.ignored)
 
 
 @dataclass(frozen=True, eq=False)

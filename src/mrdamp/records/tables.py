@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.errors import LARGEST, InputError
+from mrdamp.errors import LARGEST, InputError, optional
 from mrdamp.files import LARGEST as LARGEST_FILE
 from mrdamp.files import decode, read_bytes
 from mrdamp.records.channels import listed, show
@@ -161,10 +161,7 @@ def _stamps(path: Path, rows: list[str], first_line: int, column: int, name: str
 
 def _sheet(path: Path) -> Iterator[str]:
     """Rows of a workbook's active sheet, with tabs between the cells."""
-    try:
-        import openpyxl
-    except ImportError:
-        raise _missing(path, "openpyxl") from None
+    openpyxl = _library("openpyxl", path)
     book = _foreign(path, lambda data: openpyxl.load_workbook(data, read_only=True, data_only=True))
     for row in book.active.iter_rows(values_only=True):
         cells = ("" if v is None else v.isoformat() if hasattr(v, "isoformat") else str(v) for v in row)
@@ -189,12 +186,8 @@ def _mat(path: Path, data: io.BytesIO) -> Mapping[str, Any]:
 
     if _HDF5 not in (data.getvalue()[:8], data.getvalue()[512:520]):  # version 7.3, without and with its header
         return dict(loadmat(data, simplify_cells=True))
-    try:
-        import h5py
-    except ImportError:
-        raise _missing(path, "h5py") from None
     found: dict[str, Any] = {}
-    with h5py.File(data, "r") as file:
+    with _library("h5py", path).File(data, "r") as file:
         file.visititems(
             lambda name, item: (
                 found.update({name.replace("/", "."): np.asarray(item[()]).T}) if hasattr(item, "shape") else None
@@ -204,11 +197,7 @@ def _mat(path: Path, data: io.BytesIO) -> Mapping[str, Any]:
 
 
 def _parquet(path: Path, data: io.BytesIO) -> Mapping[str, Any]:
-    try:
-        from pyarrow import parquet
-    except ImportError:
-        raise _missing(path, "pyarrow") from None
-    table = parquet.read_table(data)
+    table = _library("pyarrow.parquet", path).read_table(data)
     return {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
 
 
@@ -227,8 +216,8 @@ def _foreign(path: Path, load: Callable[[io.BytesIO], Any]) -> Any:
         raise InputError(f"{path}: no {path.suffix} file: {' '.join(str(error).split())[:120]}") from None
 
 
-def _missing(path: Path, library: str) -> InputError:
-    return InputError(f"{path}: reading it needs {library}, which is not installed: pip install 'mrdamp[tables]'")
+def _library(name: str, path: Path) -> Any:
+    return optional(name, "tables", f"{path}: reading it needs {name.partition('.')[0]}")
 
 
 def _flat(found: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
