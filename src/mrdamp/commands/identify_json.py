@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from mrdamp.identify.by_command import ByCommand
     from mrdamp.identify.comparison import RecordNorms, Table1
     from mrdamp.identify.intervals import ChannelFinding, Interval
-    from mrdamp.narx import Choice, FitNarx, Pruned
+    from mrdamp.narx import FitNarx
     from mrdamp.narx.error_bars import Sufficiency
-    from mrdamp.narx.select import Trial
+    from mrdamp.narx.prune import Pruned
+    from mrdamp.narx.select import Choice, Trial
 
 
 def reporting(report: Callable[[argparse.Namespace], Mapping[str, Any]]) -> Callable[[argparse.Namespace], int]:

@@ -16,13 +16,11 @@ from mrdamp.identify.fit import (
     pooled,
     simulate,
 )
-from mrdamp.parallel import Progress
 from mrdamp.shown import CalledPackage
 
 __all__ = [
     "Fit",
     "Problem",
-    "Progress",
     "RecordError",
     "compare_dependences",
     "descend",
