@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from mrdamp.narx.evaluation import Evaluation, evaluate
 from mrdamp.narx.network import Network
 from mrdamp.narx.prune import Pruned, draw_pruning, prune
 from mrdamp.narx.select import Candidate, Choice, as_good, draw_choice, name_of, select
-from mrdamp.narx.splits import DataSplit, at_constant_command, of_records, varying_command
+from mrdamp.narx.splits import DataSplit, of_records, varying_command
 from mrdamp.narx.train import HORIZONS, FitNarx, train_narx
 from mrdamp.parallel import Progress
 from mrdamp.pictures.damper import LoopData, overview
@@ -75,28 +75,33 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
         cache=cache,
         progress=progress,
     )
-    model = _described(fit.model, fit.network, fit)
     found = _print_fit(fit, splits, a.protocol)
     pruned = _prune(a, fit, splits, progress) if a.prune else None
+    network, one, free = fit.network, fit.one_step, fit.free_run
     if pruned:
-        text = pruned.smallest.to_text()
-        model = _described(
-            replace(model, weights=text, name=f"narx {pruned.smallest.topology}"), pruned.smallest, fit
-        )
-    write_identified(model, protocol_records(a, records).train, a.out)
+        network = pruned.smallest
+        one, free = evaluate(network, splits.train, splits.validation, splits.test)
+        _print_errors(network, one, free, splits)
+    write_identified(_described(fit, network), protocol_records(a, records).train, a.out)
     cache.unlink(missing_ok=True)
-    _pictures(a, records.name, fit, splits, found, choice, pruned, model)
+    if a.picture or a.page:
+        drawn = _figures(choice, pruned, network, splits, a.command_unit)
+        if a.page:
+            _page(records.name, fit, found, network, _side_by_side(one, free), drawn).write(a.page)
+            print(f"page: {a.page}")
+        # The courses, or both predictions of the test parts where there is none.
+        shown = {key: fig for key, fig in drawn.items() if key in ("choice", "pruning")} or drawn
+        for key, fig in shown.items() if a.picture else ():
+            save_picture(fig, a.picture if len(shown) == 1 else a.picture.with_stem(f"{a.picture.stem}-{key}"))
     print(f"model: {a.out}")
     return of_network(fit, found, choice, pruned)
 
 
 def _splits(a: argparse.Namespace, records: RecordSet) -> DataSplit:
-    if a.protocol == "records":
-        return of_records(records, a.sample_time)
-    step = a.sample_time or PROTOCOL_TIME
-    if a.protocol == "constant":
-        return of_records(at_constant_command(records, a.command), step)
-    return varying_command(records, a.record, counts_of(a.counts), step)
+    if a.protocol == "varying":
+        return varying_command(records, a.record, counts_of(a.counts), a.sample_time or PROTOCOL_TIME)
+    usual = PROTOCOL_TIME if a.protocol == "constant" else None
+    return of_records(protocol_records(a, records), a.sample_time or usual)
 
 
 def _select(a: argparse.Namespace, splits: DataSplit, cache: Path, progress: Progress) -> Choice:
@@ -152,8 +157,6 @@ def _prune(a: argparse.Namespace, fit: FitNarx, splits: DataSplit, progress: Pro
     print(
         f"smallest within {100 * pruned.tolerance:.0f} % of the best: {small.topology}, {small.nonzero} weights"
     )
-    one, free = evaluate(small, splits.train, splits.validation, splits.test)
-    _print_errors(small, one, free, splits)
     return pruned
 
 
@@ -209,8 +212,8 @@ def _side_by_side(one: Evaluation, free: Evaluation) -> Iterator[tuple[str, Reco
         yield from ((half, *both) for both in zip(getattr(free, half), getattr(one, half), strict=True))
 
 
-def _described(model: Model, net: Network, fit: FitNarx) -> Model:
-    """The model with what it reached, for who reads the file."""
+def _described(fit: FitNarx, net: Network) -> Model:
+    """The model of a network, pruned or as fitted, with what the fit reached, for who reads the file."""
     reached = {
         f"{name}_{kind}": round(value, 6)
         for kind, judged in (("free_run", fit.free_run), ("one_step", fit.one_step))
@@ -218,24 +221,8 @@ def _described(model: Model, net: Network, fit: FitNarx) -> Model:
         if value == value and value != float("inf")
     }
     facts = {"topology": net.topology, "weights": net.nonzero, "gamma": round(fit.posterior.gamma, 1)}
-    return replace(model, extra={**model.extra, "network": {**facts, "nrmse_as_trained": reached}})
-
-
-def _pictures(
-    a: argparse.Namespace, name: str, fit: FitNarx, splits: DataSplit, found: Sufficiency, choice: Choice | None,
-    pruned: Pruned | None, model: Model,
-) -> None:  # fmt: skip
-    """The page, and the pictures as files: the courses, or both predictions of the test parts where there is none."""
-    if not a.picture and not a.page:
-        return
-    drawn = _figures(choice, pruned, model, splits, a.command_unit)
-    if a.page:
-        _write_page(a.page, name, fit, splits, found, model, drawn)
-        print(f"page: {a.page}")
-    courses = {key: fig for key, fig in drawn.items() if key in ("choice", "pruning")}
-    shown = courses or drawn
-    for key, fig in shown.items() if a.picture else ():
-        save_picture(fig, a.picture if len(shown) == 1 else a.picture.with_stem(f"{a.picture.stem}-{key}"))
+    extra = {"network": {**facts, "nrmse_as_trained": reached}}
+    return replace(fit.model, weights=net.to_text(), name=f"narx {net.topology}", extra=extra)
 
 
 def _hidden(text: str | None) -> tuple[int, ...]:
@@ -252,7 +239,7 @@ def _number(value: float, width: int = 9) -> str:
 
 
 def _figures(
-    choice: Choice | None, pruned: Pruned | None, model: Model, splits: DataSplit, command_unit: str
+    choice: Choice | None, pruned: Pruned | None, net: Network, splits: DataSplit, command_unit: str
 ) -> dict[str, Figure]:
     """The courses of the choice and of the pruning where there are any, and both predictions of the test parts."""
     out = {}
@@ -260,8 +247,7 @@ def _figures(
         out["choice"] = draw_choice(choice)
     if pruned:
         out["pruning"] = draw_pruning(pruned)
-    assert model.weights is not None
-    net, judged = Network.from_text(model.weights), splits.test or splits.validation or splits.train
+    judged = splits.test or splits.validation or splits.train
     for key, said, force, error, first in (
         ("one_step", "one step", evaluation.one_step_force, evaluation.one_step_error, net.max_lag),
         ("free_run", "free run", evaluation.free_run_force, evaluation.free_run_error, 0),
@@ -275,22 +261,17 @@ def _figures(
     return out
 
 
-def _write_page(
-    path: Path, name: str, fit: FitNarx, splits: DataSplit, found: Sufficiency, model: Model,
-    pictures: Mapping[str, Figure],
-) -> None:  # fmt: skip
-    """Writes one self-contained HTML file. Raises InputError."""
-    assert model.weights is not None
-    network = Network.from_text(model.weights)
-    one, free = evaluate(network, splits.train, splits.validation, splits.test)
+def _page(
+    name: str, fit: FitNarx, found: Sufficiency, network: Network,
+    errors: Iterable[tuple[str, RecordError, RecordError]], pictures: Mapping[str, Figure],
+) -> Page:  # fmt: skip
+    """One self-contained HTML file. errors: as of `_side_by_side`."""
     page = Page(
         f"Network {network.topology} of {name}",
         f"{network.nonzero} weights, sample time {1e3 * network.sample_time:g} ms; free run first, as a simulator"
         " meets it, and one step ahead of measured forces beside it.",
     )
-    rows = [
-        (f.record, half, f.rmse, 100 * f.nrmse, o.rmse, 100 * o.nrmse) for half, f, o in _side_by_side(one, free)
-    ]
+    rows = [(f.record, half, f.rmse, 100 * f.nrmse, o.rmse, 100 * o.nrmse) for half, f, o in errors]
     page.table(
         "Errors",
         ("record", "", "free run (N)", "of std (%)", "one step (N)", "of std (%)"),
@@ -306,4 +287,4 @@ def _write_page(
     )
     for key, figure in pictures.items():
         page.figure(key.replace("_", " ").capitalize(), figure, *_CAPTIONS[key])
-    page.write(path)
+    return page
