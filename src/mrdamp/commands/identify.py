@@ -26,7 +26,7 @@ from mrdamp.commands import (
     save_picture,
     show_progress,
 )
-from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, of_table, reporting
+from mrdamp.commands.identify_json import of_by_command, of_fit, of_table, reporting
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, check_protocol, protocol_records
 from mrdamp.errors import InputError
 from mrdamp.files import together
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
     from mrdamp.identify import Fit, RecordError
     from mrdamp.identify.by_command import ByCommand
-    from mrdamp.identify.comparison import RecordNorms
     from mrdamp.identify.intervals import ChannelFinding, Interval
     from mrdamp.records import RecordSet
 
@@ -141,7 +140,7 @@ def run_identify(a: argparse.Namespace) -> dict[str, Any]:
         raise InputError("--starts and --jobs must be at least 1 and --resamples at least 20")
     report = {"model": str(a.out), "warnings": warnings, **_identified(a, records)}
     if a.norms:
-        report["norms"] = of_norms(_norms(a, protocol_records(a, records)))
+        report["norms"] = _norms(a, protocol_records(a, records))
     return report
 
 
@@ -310,7 +309,7 @@ def _found(fit: Fit, left_over: Sequence[ChannelFinding], checks: Sequence[str])
             print(f"  remains in {c.record}: {', '.join(left)}")
 
 
-def _norms(a: argparse.Namespace, records: RecordSet) -> Sequence[RecordNorms]:
+def _norms(a: argparse.Namespace, records: RecordSet) -> list[dict[str, Any]]:
     from mrdamp.identify.comparison import record_errors
     from mrdamp.model import Model
 
@@ -319,8 +318,8 @@ def _norms(a: argparse.Namespace, records: RecordSet) -> Sequence[RecordNorms]:
         "held out, free run: E_t, E_x, E_v of the foam-damper paper in its cm, delta_2 of the self-sensing paper"
     )
     for row in rows:
-        n = row.norms
-        print(f"  {row.record:40s} {n.e_t:8.4f} {n.e_x:8.4f} {n.e_v:8.4f} {100 * row.delta_2:8.2f} %")
+        name, e_t, e_x, e_v, delta_2 = row.values()
+        print(f"  {name:40s} {e_t:8.4f} {e_x:8.4f} {e_v:8.4f} {100 * delta_2:8.2f} %")
     return rows
 
 

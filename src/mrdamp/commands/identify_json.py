@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mrdamp.identify import Fit, RecordError
     from mrdamp.identify.by_command import ByCommand
-    from mrdamp.identify.comparison import RecordNorms, Table1
+    from mrdamp.identify.comparison import Table1
     from mrdamp.identify.intervals import ChannelFinding, Interval
     from mrdamp.narx import FitNarx
     from mrdamp.narx.error_bars import Sufficiency
@@ -119,11 +119,6 @@ def of_network(
             ],
         }
     return out
-
-
-def of_norms(rows: Sequence[RecordNorms]) -> list[dict[str, Any]]:
-    """Of `--norms`: both papers' measures, E_x and E_v in cm."""
-    return [{"record": row.record, **asdict(row.norms), "delta_2": row.delta_2} for row in rows]
 
 
 def of_table(table: Table1) -> dict[str, Any]:

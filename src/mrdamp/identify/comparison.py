@@ -7,7 +7,8 @@ where the set has some. With a condition, as in the paper, on one cycle of one o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -84,22 +85,20 @@ def errors_picture(fit: Fit) -> Figure:
     return error_bars([e.record for e in errors], [e.nrmse for e in errors], apart)
 
 
-@dataclass(frozen=True)
-class RecordNorms:
-    """A model's free-run errors on one record in both papers' measures: Eq. (9), E_x and E_v in cm; Eq. (4)."""
+def record_errors(model: Model, records: Sequence[Record]) -> list[dict[str, Any]]:
+    """A model's free-run errors by record in both papers' measures: Eq. (9), E_x and E_v in cm; delta_2 of Eq. (4).
 
-    record: str
-    norms: FoamNorms
-    delta_2: float
-
-
-def record_errors(model: Model, records: Sequence[Record]) -> tuple[RecordNorms, ...]:
-    """The papers' measures of a model in free run, by record; the first 20 ms do not count."""
+    The first 20 ms do not count.
+    """
     parts = [_without_start(record, simulate(model, record)) for record in records]
-    return tuple(
-        RecordNorms(rest.name, record_norms(rest, force, CENTIMETRE), delta_2(rest.channel("force_N"), force))
+    return [
+        {
+            "record": rest.name,
+            **asdict(record_norms(rest, force, CENTIMETRE)),
+            "delta_2": delta_2(rest.channel("force_N"), force),
+        }
         for rest, force in parts
-    )
+    ]
 
 
 def paper_network(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,20 +135,18 @@ def rendered(columns: Mapping[str, Array], digits: int = 9) -> Iterator[str]:
     for name, values in columns.items():
         if (bad := np.flatnonzero(~np.isfinite(values))).size:
             raise InputError(f"{name} is no finite number from sample {bad[0] + 1} on: nothing is written")
-    return _rendered(columns, digits)
-
-
-def _rendered(columns: Mapping[str, Array], digits: int) -> Iterator[str]:
     more = 3
     if len(time := np.asarray(columns.get("time_s", ()))) > 1 and time[-1] != time[0]:
         step = abs(float(time[-1] - time[0])) / (len(time) - 1)
         more = min(max(more, math.ceil(math.log10(float(np.abs(time).max()) / step)) + 4 - digits), 17 - digits)
     formats = [f"%.{digits + more if name == 'time_s' else digits}g" for name in columns]
     row = ",".join(formats)
-    yield ",".join(columns) + "\n"
-    for first in range(0, len(next(iter(columns.values()))), _ROWS):
-        table = np.column_stack([values[first : first + _ROWS] for values in columns.values()]).tolist()
-        yield "\n".join(row % tuple(values) for values in table) + "\n"
+    tables = (
+        np.column_stack([values[first : first + _ROWS] for values in columns.values()]).tolist()
+        for first in range(0, len(next(iter(columns.values()))), _ROWS)
+    )
+    parts = ("\n".join(row % tuple(values) for values in table) + "\n" for table in tables)
+    return chain([",".join(columns) + "\n"], parts)
 
 
 def numbers(
