@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamp.model import core
-from mrdamp.model.core import Array
 from mrdamp.records import Record
 
 #: s, left out of every error at the start of a record, at most a quarter of it.
@@ -41,17 +40,9 @@ def excerpts(records: Sequence[Record], most: int) -> list[Record]:
     out = []
     for record in records:
         keep = max(most / total * record.duration, 200 * record.sample_time)
-        part = _window(record, record.velocity(), keep)
-        out.append(record.part(record.time[part.start], record.time[part.stop - 1]))
+        count = min(record.n, max(3, round(keep / record.sample_time)))
+        energy = np.concatenate([[0.0], np.cumsum(record.velocity() ** 2)])
+        inside = energy[count:] - energy[:-count]
+        begin = int(np.argmax(inside >= 0.98 * inside.max()))
+        out.append(record.part(record.time[begin], record.time[begin + count - 1]))
     return out
-
-
-def _window(record: Record, velocity: Array, duration: float) -> slice:
-    """So many seconds of a record where the command and the motion vary most."""
-    count = min(record.n, max(3, round(duration / record.sample_time)))
-    if count >= record.n:
-        return slice(0, record.n)
-    energy = np.concatenate([[0.0], np.cumsum(velocity**2)])
-    inside = energy[count:] - energy[:-count]
-    begin = int(np.argmax(inside >= 0.98 * inside.max()))
-    return slice(begin, begin + count)
