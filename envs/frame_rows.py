@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from mrdamp.envs.plants import Chained, EngineRows
 from mrdamp.model.core import Array
-from mrdamp.simulation.comfort import STATES, BlockFilter
+from mrdamp.simulation.criteria import STATES, BlockFilter
 from mrdamp.simulation.floor_sensors import FloorSensors
 from mrdamp.simulation.roads import Road
 from mrdamp.simulation.rows import ChainRows, Stepping

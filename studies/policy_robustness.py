@@ -21,7 +21,7 @@ from mrdamp.control.passive import passive_on
 from mrdamp.control.policy import Policy
 from mrdamp.control.registry import Site
 from mrdamp.errors import InputError
-from mrdamp.gap.scenario import Options
+from mrdamp.gap import Options
 from studies.gap.real import EFFECTS, NONE, RealFrame, RigScenario, nominal_frame
 
 

@@ -25,7 +25,7 @@ from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.control import clipped_optimal
 from mrdamp.control.force_control import clip
-from mrdamp.control.least_command import LeastCommand
+from mrdamp.control.force_levels import LeastCommand
 from mrdamp.control.lqg import first_order_hold, outputs, plant, regulator_gain
 from mrdamp.control.observe import Observer
 from mrdamp.envs import FrameEnv

@@ -35,9 +35,9 @@ from mrdamp.control.registry import make
 from mrdamp.envs import Bumps, CarPlant, CarTask, RecordedRoads
 from mrdamp.envs.car import linear_run
 from mrdamp.envs.frame_xml import car_xml
-from mrdamp.simulation.comfort import wk, wk_sections
+from mrdamp.simulation.criteria import wk, wk_sections
 from mrdamp.simulation.roads import CLASSES, Road, bump, iso8608, read_road
-from mrdamp.structures.cars import QuarterCar
+from mrdamp.structures.frames import QuarterCar
 from refusals import refuses
 
 CAR = QuarterCar()

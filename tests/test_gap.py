@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from mrdamp import gap
 from mrdamp.control import registry
 from mrdamp.control.passive import Constant
 from mrdamp.envs.training_loads import tuning_motions, unseen_motions
 from mrdamp.errors import InputError
-from mrdamp.gap import measured
-from mrdamp.gap.scenario import Learning, Scenario, straightened
+from mrdamp.gap import Learning, Scenario, straightened
 from mrdamp.model import Effect, Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.stepping import run_frame
@@ -192,9 +192,9 @@ def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
         replace(nominal, effects=(Effect("storey_stiffness", {"e": e}, 1),)) for e in (-0.3, -0.28, -0.32)
     ]
     given = answer(softer[0], tuple(softer[1:]), softer[0].effects)
-    monkeypatch.setattr("mrdamp.gap.measured.diagnose", lambda case, jobs: given)
+    monkeypatch.setattr("mrdamp.gap.diagnose", lambda case, jobs: given)
     case = SimpleNamespace(name="rig", model=nominal, records=())
-    found = measured.of_case(Options("constant:value=1", loads=1), case, tmp_path)  # type: ignore[arg-type]
+    found = gap.of_case(Options("constant:value=1", loads=1), case, tmp_path)  # type: ignore[arg-type]
     assert (found.verdict, found.named) == ("effect", ("storey_stiffness@1",))
     load = unseen_motions()[0].compressed(TIME_SCALE)
     peaks = [np.abs(run_frame(m, load, Constant(1.0)).drift).max() for m in (nominal, *softer)]
@@ -209,9 +209,9 @@ def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
     assert found.kept_interval is not None
     assert found.kept_interval[0] < found.kept < found.kept_interval[1]
     assert found.retuned is None, "a controller with options is left as it is"
-    assert ("diagnosis", "storey_stiffness@1") in measured.rows(found)
-    assert "check" not in dict(measured.rows(found))
-    assert "not the rig" in dict(measured.rows(replace(found, verdict="unknown", named=())))["check"]
+    assert ("diagnosis", "storey_stiffness@1") in gap.rows(found)
+    assert "check" not in dict(gap.rows(found))
+    assert "not the rig" in dict(gap.rows(replace(found, verdict="unknown", named=())))["check"]
     assert Model.read(tmp_path / "corrected.json").effects == softer[0].effects
 
 
@@ -235,4 +235,4 @@ def test_wrong_options_are_told(options: dict[str, object], said: str) -> None:
 def test_a_damper_alone_is_no_frame_to_control(tmp_path: Path) -> None:
     model = replace(nominal_frame(), rig="damper", structure=None)
     case = SimpleNamespace(name="bench", model=model, records=())
-    refuses(lambda: measured.of_case(Options(), case, tmp_path), "damper")  # type: ignore[arg-type]
+    refuses(lambda: gap.of_case(Options(), case, tmp_path), "damper")  # type: ignore[arg-type]

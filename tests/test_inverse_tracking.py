@@ -18,9 +18,8 @@ from mrdamp.commands.inverse import add_to
 from mrdamp.inverse import LawInverse
 from mrdamp.inverse.baselines import Fixed, Switching
 from mrdamp.inverse.network import LAGS, NetworkInverse, train_inverse
-from mrdamp.inverse.rig import Sizes, records_of
+from mrdamp.inverse.rig import Sizes, records_of, wanted_force
 from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, rms, track
-from mrdamp.inverse.trial import wanted_force
 from mrdamp.model import Effect, Model
 from mrdamp.narx.data import Series
 from mrdamp.pictures.damper import force_tracking

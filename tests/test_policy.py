@@ -20,8 +20,7 @@ from mrdamp.compare.car import CarBench
 from mrdamp.compare.contenders import contenders, shipped_policies
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
-from mrdamp.control.force_levels import ForceLevels
-from mrdamp.control.least_command import LeastCommand
+from mrdamp.control.force_levels import ForceLevels, LeastCommand
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import VELOCITY, Policy

@@ -17,7 +17,7 @@ from PIL import Image
 from mrdamp import cli, models_xml, pictures, sets
 from mrdamp.control import passive_on
 from mrdamp.demo import UNCONTROLLED, accelerated
-from mrdamp.envs.frame_animation import Clip, animate
+from mrdamp.envs.frame_xml import Clip, animate
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
 from mrdamp.motions import embedded_motion

@@ -16,7 +16,7 @@ import pytest
 from mrdamp.cli import main
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.control.force_control import ForceController
-from mrdamp.control.least_command import LeastCommand
+from mrdamp.control.force_levels import LeastCommand
 from mrdamp.control.policy import Policy
 from mrdamp.envs import training_loads as loads
 from mrdamp.envs.task import episodes

@@ -199,7 +199,7 @@ MUTANTS = (
            ("np.abs(u[:-1]).mean(axis=1) @ held", "u[:-1].mean(axis=1) @ held"),
            ("shear = a @ frame.mass", "shear = a @ frame.stiffness"),
            ("np.trapezoid(values**2, t, axis=0) / (t[-1] - t[0])", "np.trapezoid(values**2, t, axis=0)")),
-    *_some("comfort (ISO 2631-1)", "src/mrdamp/simulation/comfort.py", "env_car",
+    *_some("comfort (ISO 2631-1)", "src/mrdamp/simulation/criteria.py", "env_car",
            ("([w4 * w4 / w3, w4 * w4]", "([w4 / w3, w4 * w4]"),
            ("(2 * math.pi * f for f", "(math.pi * f for f")),
     *_some("rewards", "envs/weights.py", "env_rewards env_frame env_contract",

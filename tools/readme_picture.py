@@ -13,7 +13,7 @@ from pathlib import Path
 
 from mrdamp import sets
 from mrdamp.control import clipped_optimal
-from mrdamp.envs.frame_animation import animate
+from mrdamp.envs.frame_xml import animate
 from mrdamp.motions import embedded_motion
 from mrdamp.simulation.stepping import run_frame
 from mrdamp.structures import dyke1996

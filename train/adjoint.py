@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from mrdamp.compare.contenders import shipped_policies
-from mrdamp.control.force_levels import ForceLevels
-from mrdamp.control.least_command import LeastCommand
+from mrdamp.control.force_levels import ForceLevels, LeastCommand
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy

@@ -14,8 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.control.force_levels import ForceLevels
-from mrdamp.control.least_command import LeastCommand
+from mrdamp.control.force_levels import ForceLevels, LeastCommand
 from mrdamp.control.networks import Memory, Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import VELOCITY, Policy, velocities

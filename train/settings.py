@@ -68,7 +68,7 @@ class Settings:
     velocity among the signals; ahead: s by signal, that lead that velocity, see `Policy`. teacher: a classical
     controller whose wanted force, as a linear function of the observations, is what the learner begins at; reach:
     how far a learner of stable-baselines3 may go from it, over the largest force. least: of a least command
-    (`mrdamp.control.least_command`), `level` over the largest command, and `fade`, `full` and `rise` over the
+    (`mrdamp.control.force_levels`), `level` over the largest command, and `fade`, `full` and `rise` over the
     damper's force at zero command; none: no such command. env_kwargs: of the environment. score: what the
     validation score is made of, see `mrdamp.train.worlds.world`. policy, policy_kwargs: of stable-baselines3,
     activation_fn by name. learner: the

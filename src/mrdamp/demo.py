@@ -15,7 +15,7 @@ from mrdamp import pictures
 from mrdamp.control import clipped_optimal, force_tracking, passive_off, passive_on
 from mrdamp.control.base import Controller
 from mrdamp.control.registry import balanced
-from mrdamp.envs.frame_animation import Animation, Clip, animate
+from mrdamp.envs.frame_xml import Animation, Clip, animate
 from mrdamp.errors import InputError
 from mrdamp.files import csv_text, together, write_atomic
 from mrdamp.identify import Fit, RecordError, identify, laws, simulate

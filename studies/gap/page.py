@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mrdamp import __version__
-from mrdamp.gap.scenario import CRITERIA
+from mrdamp.gap import CRITERIA
 from mrdamp.pictures.style import COLOURS, REFERENCE, axes_grid, elide, figure, legend, styled
 from mrdamp.report import Cell, Page
 from studies.gap.real import NONE

@@ -14,7 +14,7 @@ import numpy as np
 from mrdamp import sets
 from mrdamp.control.base import Controller
 from mrdamp.errors import InputError
-from mrdamp.gap.scenario import Scenario
+from mrdamp.gap import Scenario
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
 from mrdamp.simulation.criteria import Criteria

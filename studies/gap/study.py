@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mrdamp import gap as workplace
 from mrdamp.compare.comparison import ratio
 from mrdamp.control.base import Controller
 from mrdamp.control.registry import Site
@@ -17,8 +18,7 @@ from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
-from mrdamp.gap import scenario as workplace
-from mrdamp.gap.scenario import (
+from mrdamp.gap import (
     CRITERIA,
     Progress,
     relative,

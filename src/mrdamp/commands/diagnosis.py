@@ -239,8 +239,7 @@ def add_options(p: argparse.ArgumentParser) -> None:
 def run_gap(a: argparse.Namespace) -> int:
     """Diagnoses the case, runs the controller in its simulators, prints and writes what the gap costs."""
     from mrdamp.diagnosis.case.folder import read_case
-    from mrdamp.gap.measured import of_case, rows
-    from mrdamp.gap.scenario import Options
+    from mrdamp.gap import Options, of_case, rows
 
     options = Options(a.controller, a.loads, a.seed)
     case = read_case(a.case)

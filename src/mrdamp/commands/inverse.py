@@ -22,7 +22,7 @@ from mrdamp.commands import (
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
-    from mrdamp.inverse.trial import Trial
+    from mrdamp.inverse.rig import Trial
 
 
 def add_to(commands: Any) -> None:
@@ -69,8 +69,8 @@ def run_inverse(a: argparse.Namespace) -> int:
     from mrdamp import sets
     from mrdamp.files import together
     from mrdamp.inverse.network import NetworkInverse
+    from mrdamp.inverse.rig import draw, trial, write_page
     from mrdamp.inverse.tracking import RandomMotion
-    from mrdamp.inverse.trial import draw, trial, write_page
     from mrdamp.records import read_records
 
     if not 2.0 <= a.seconds <= 3600.0:

@@ -23,10 +23,10 @@ from mrdamp.envs.frame_rows import PERIOD, CarChain
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
-from mrdamp.simulation.comfort import STATES, wk_sections
+from mrdamp.simulation.criteria import STATES, wk_sections
 from mrdamp.simulation.roads import Road, bump, iso8608, read_road
 from mrdamp.simulation.rows import ChainRows
-from mrdamp.structures.cars import QuarterCar
+from mrdamp.structures.frames import QuarterCar
 
 #: Class, speed (m/s) and seed of the roads; seeds from nine million on are for judging alone, at other speeds.
 _UNSEEN = (

@@ -7,7 +7,7 @@ a = layers(m)                      cut off at -1 and 1, or through tanh
 a = t h + reach a                  where it corrects a linear teacher of weights t, cut off at -1 and 1
 command = command_max (a + 1) / 2, or that of the wanted force a force_max (`mrdamp.control.force_levels`)
 command + command_max b            where the layers have a second output b, cut off as a; 0 at least
-command >= a least one for weak motion, where the policy has one (`mrdamp.control.least_command`)
+command >= a least one for weak motion, where the policy has one (`mrdamp.control.force_levels`)
 command held back by a first-order lag, on a driver that is faster than the one of the training (`Policy.matched`)
 measured force before a first-order lag of its sensor, where that lag is known (`Policy.matched`)
 """
@@ -25,8 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrdamp.control.base import OWN, Unlagged, sensor_name
-from mrdamp.control.force_levels import ForceLevels
-from mrdamp.control.least_command import LeastCommand
+from mrdamp.control.force_levels import ForceLevels, LeastCommand
 from mrdamp.control.networks import Memory, Network, State, matrix, rows
 from mrdamp.control.observe import Observer
 from mrdamp.errors import InputError, refuse, require_positive

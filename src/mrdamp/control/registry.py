@@ -22,7 +22,7 @@ from mrdamp.control.clipped_optimal import (
     modulated_optimal,
 )
 from mrdamp.control.force_control import skyhook
-from mrdamp.control.least_command import AtLeast, LeastCommand
+from mrdamp.control.force_levels import AtLeast, LeastCommand
 from mrdamp.control.lqg import Linear, linear
 from mrdamp.control.passive import Constant, passive_off, passive_on
 from mrdamp.errors import InputError

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from mrdamp.errors import InputError, require_period
-from mrdamp.inverse.base import Extrapolation, command_range
+from mrdamp.inverse.baselines import Extrapolation, command_range
 from mrdamp.model import Model
 from mrdamp.simulation.mjcf import mjcf
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from mrdamp.errors import InputError, require_period
 from mrdamp.files import read_json, write_atomic
-from mrdamp.inverse.base import Extrapolation
+from mrdamp.inverse.baselines import Extrapolation
 from mrdamp.model.core import Array
 from mrdamp.narx import network as nn
 from mrdamp.narx.bayes import minimise

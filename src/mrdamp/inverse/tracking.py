@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from mrdamp.errors import InputError
-from mrdamp.inverse.base import Inverse
+from mrdamp.inverse.baselines import Inverse
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.simulation.mjcf import mjcf

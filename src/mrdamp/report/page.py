@@ -23,7 +23,7 @@ from mrdamp.files import write_atomic
 from mrdamp.pictures.style import DARK, STYLE
 
 if TYPE_CHECKING:
-    from mrdamp.envs.frame_animation import Animation
+    from mrdamp.envs.frame_xml import Animation
 
 #: A picture above this many bytes as SVG goes into the page as PNG, with as many dots as stay below it.
 PICTURE_LIMIT = 220_000

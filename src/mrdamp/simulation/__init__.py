@@ -6,6 +6,6 @@
 | `stepping` | the written MJCF run over a record or a ground motion |
 | `predict` | a model's free run over a record, on the chain |
 | `rows` | many copies of one structure on the chain |
-| `criteria`, `comfort` | what a structure and its occupants went through |
+| `criteria` | what a structure and its occupants went through |
 | `roads` | profiles under a wheel |
 """

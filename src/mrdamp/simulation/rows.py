@@ -28,8 +28,8 @@ from mrdamp.model.native import (
     pointer,
     whole_pointer,
 )  # fmt: skip
-from mrdamp.simulation.comfort import STATES, wk_sections
-from mrdamp.structures.cars import QuarterCar
+from mrdamp.simulation.criteria import STATES, wk_sections
+from mrdamp.structures.frames import QuarterCar
 
 HEADER = 3  # doubles of a row's state before its coordinates
 _CAR = 5  # of a car's between the rates and the filter: force and rise of damper and tyre, friction of the tyre

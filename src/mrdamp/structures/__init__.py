@@ -1,4 +1,4 @@
-"""Structures that carry a damper: shear frames (`frames`), stay cables (`cables`) and quarter cars (`cars`)."""
+"""Structures that carry a damper: shear frames and quarter cars (`frames`), and stay cables (`cables`)."""
 
 from __future__ import annotations
 

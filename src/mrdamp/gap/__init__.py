@@ -1,1 +1,0 @@
-"""What the gap of a measured frame costs a controller: in the simulator, and in the corrected one."""
