@@ -14,8 +14,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.compare import own
-from mrdamp.control import registry
+from mrdamp.control import registry, told
 from mrdamp.control.base import Controller, ZeroOrderHold
 from mrdamp.envs.plant_env import RowPlant
 from mrdamp.envs.structure import Structure
@@ -250,7 +249,7 @@ class Bench(ABC):
 
     def controller(self, spec: str) -> Controller:
         """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""
-        return own.make(spec, self.site, partial(task_of, self.structure, 1))
+        return told.make(spec, self.site, partial(task_of, self.structure, 1))
 
     def task(self, n: int) -> Task:
         """n of the structures on the chain, as controllers are tuned on them."""
@@ -271,7 +270,7 @@ class Bench(ABC):
     def key(self, spec: str, load: Any, amplitude: float) -> str:
         """Hash of all inputs of a run."""
         return hashlib.sha256(
-            self._content + f"{spec} {amplitude!r}".encode() + content(load) + own.files_of(spec)
+            self._content + f"{spec} {amplitude!r}".encode() + content(load) + told.files_of(spec)
         ).hexdigest()[:32]
 
     @cached_property

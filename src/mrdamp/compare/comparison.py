@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from mrdamp.compare.bench import Bench, Load, Measure
 from mrdamp.compare.contenders import Contender
-from mrdamp.compare.own import is_code
 from mrdamp.compare.tuning import run_grid
 from mrdamp.control.policy import Policy
+from mrdamp.control.told import is_code
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model.core import Array
 from mrdamp.parallel import How

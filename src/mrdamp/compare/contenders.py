@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-from mrdamp.compare import own
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.tuning import Setting
-from mrdamp.control import registry
+from mrdamp.control import registry, told
 from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
 from mrdamp.files import digest
@@ -44,7 +43,7 @@ def contenders(
     shipped: Mapping[str, Sequence[Path]] | None = None,
 ) -> tuple[Contender, ...]:
     """Rows of names on a bench; each is a tuned controller's, a shipped policy's, a spec, `policy:FILE,FILE,FOLDER`,
-    one from outside the package (`mrdamp.compare.own`), or one of these with a name of its own, `NAME=...`.
+    one from outside the package (`mrdamp.control.told`), or one of these with a name of its own, `NAME=...`.
 
     All are made and asked once, at rest, so that a bad file is found before anything runs. settings: of the tuned ones.
     Raises InputError.
@@ -91,7 +90,7 @@ def _contender(
         if not files:
             raise InputError(f"compare: {what}: no policy file there; allowed: {', '.join(_SUFFIXES)}")
         return _policies(name or files[0].stem, files)
-    if own.is_own(what) and what.partition(":")[0] not in bench.kinds:
+    if told.is_own(what) and what.partition(":")[0] not in bench.kinds:
         place = what.partition(":")[0].partition(",")[0]
         return Contender(name or Path(place).stem, (f"{registry.OWN}:{what}",), periods=None)
     if what in bench.tuned:
