@@ -13,15 +13,13 @@ import numpy as np
 from scipy import signal
 
 from mrdamp import sets
-from mrdamp.control import registry
-from mrdamp.control.base import Controller
 from mrdamp.control.cable import CableSite
-from mrdamp.envs.cable_xml import CableView, linear_xml
-from mrdamp.envs.linear_rows import CableChain, CableRows
+from mrdamp.control.registry import largest_force
+from mrdamp.envs.cable_xml import CableView
+from mrdamp.envs.linear_rows import ByMatrices, CableChain, CableRows
 from mrdamp.envs.loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plant_env import PlantEnv, RowPlant
-from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import CableLoads, validation_loads
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
@@ -120,7 +118,7 @@ def default_places(cable: StayCable) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class Cable(Structure):
+class Cable(ByMatrices):
     """A stay cable with a damper.
 
     cable: None is the laboratory cable of `StayCable`. model: any identified one or its file, None: `cable_damper`.
@@ -179,13 +177,6 @@ class Cable(Structure):
         many = range(1, len(self.places) + 1)
         return (*(f"{what}_{j}" for what in ("acceleration", "displacement", "velocity") for j in many), *SIGNALS[:-1])
 
-    @property
-    def load_names(self) -> list[str]:
-        return [f"load_{k + 1}" for k in range(len(self.cable.natural))]
-
-    def mjcf(self, timestep: float, *, drawn: bool = False) -> str:
-        return linear_xml(self.name, self.system, self.models[0], timestep, drawn=drawn)
-
     def in_full(self) -> Self:
         """At as many places as the sines can be distinguished at, between the anchorages."""
         return replace(self, measured_at=tuple(np.arange(1, self.cable.modes + 1) / (self.cable.modes + 1)))
@@ -210,9 +201,12 @@ class Cable(Structure):
     def validation(self) -> list[CableLoad]:
         return validation_loads(self.cable.length)
 
-    def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
-        site = CableSite(self.cable, command_max, default_places(self.cable), force_max, period, self.models[0])
-        return registry.make(spec, site)
+    def site(self, command_max: float, period: float, force_max: float | None = None) -> CableSite:
+        """By default of a slow motion of 1 % of the damper's distance from the anchorage."""
+        cable, model = self.cable, self.models[0]
+        if force_max is None:
+            force_max = largest_force(model, command_max, 0.01 * cable.damper_at * cable.length, cable.first, 2000)
+        return CableSite(cable, command_max, default_places(cable), force_max, period, model)
 
     def load(self, rng: np.random.Generator, source: LoadSource, options: Mapping[str, Any]) -> CableLoad:
         given = options.get("load")
@@ -302,18 +296,11 @@ class CableEnv(PlantEnv):
 
     ## Action Space
 
-    `Box(-1, 1, (1,), float32)`. Action 0 is half of the largest current.
-
-    | Num | Action | Control Min | Control Max | Name (in the XML file) | Transmission | Unit |
-    |-----|--------|-------------|-------------|------------------------|--------------|------|
-    | 0 | commanded current, -1 -> 0 and 1 -> the largest | 0 | `command_max` | damper | tendon `stroke` | A or V |
-
-    Below its least command, .6 V of 4 V (actions up to -.7), the default damper does as at .6 V: a dead zone.
+    As in `PlantEnv`; the damper's transmission is the tendon `stroke`. Below its least command, .6 V of 4 V (actions up to -.7), the default damper does as at .6 V: a dead zone.
 
     ## Observation Space
 
-    `Box(-20, 20, (history (s + 1),), float32)`: sensor readings, each divided by its scale
-    (`env.unwrapped.task.observer` has both). With the defaults there are 5:
+    As in `PlantEnv`. With the defaults there are 5:
 
     | Num | Observation | Min | Max | Name (in the XML file) | Place | Unit before scaling |
     |-----|-------------|-----|-----|------------------------|-------|------|
@@ -343,13 +330,7 @@ class CableEnv(PlantEnv):
 
     ## Starting State
 
-    At rest, no current in the coil, at the start of a load drawn from `loads`, or given:
-    `reset(options={"load": CableLoad, "amplitude": factor})`.
-
-    ## Episode End
-
-    Truncated at the end of the load, behind the control period of its last sample. Never terminated: a simulation that
-    diverges is an error.
+    As in `PlantEnv`: `reset(options={"load": CableLoad, "amplitude": factor})`.
 
     ## Arguments
 

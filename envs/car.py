@@ -13,7 +13,6 @@ import numpy as np
 
 from mrdamp import sets
 from mrdamp.control import registry
-from mrdamp.control.base import Controller
 from mrdamp.control.car import CarSite
 from mrdamp.envs.frame_rows import CarChain, CarRows
 from mrdamp.envs.frame_xml import CarView, car_xml, frame_models
@@ -192,9 +191,10 @@ class Car(Structure):
     def validation(self) -> list[Road]:
         return validation_roads()
 
-    def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
+    def site(self, command_max: float, period: float, force_max: float | None = None) -> CarSite:
         damper = model_of(self.model, car_damper)  # alone: inverse models are of a damper, not of a frame
-        return registry.make(spec, CarSite(self.car, damper, command_max, force_max, period))
+        force = registry.largest_force(damper, command_max) if force_max is None else force_max
+        return CarSite(self.car, damper, command_max, force, period)
 
     def load(self, rng: np.random.Generator, source: RoadSource, options: Mapping[str, Any]) -> Road:
         road, speed = options.get("road"), options.get("speed")
@@ -284,16 +284,11 @@ class CarEnv(PlantEnv):
 
     ## Action Space
 
-    `Box(-1, 1, (1,), float32)`. Action 0 is half of the largest current.
-
-    | Num | Action | Control Min | Control Max | Name (in the XML file) | Joint | Unit |
-    |-----|--------|-------------|-------------|------------------------|-------|------|
-    | 0 | commanded current, -1 -> 0 and 1 -> the largest | 0 | `command_max` | damper | suspension | A or V |
+    As in `PlantEnv`; the damper's transmission is the joint `suspension`.
 
     ## Observation Space
 
-    `Box(-20, 20, (history (s + 1),), float32)`: sensor readings, each divided by its scale
-    (`env.unwrapped.task.observer` has both). With the defaults there are 5:
+    As in `PlantEnv`. With the defaults there are 5:
 
     | Num | Observation | Min | Max | Name (in the XML file) | Joint | Unit before scaling |
     |-----|-------------|-----|-----|------------------------|-------|------|
@@ -324,13 +319,7 @@ class CarEnv(PlantEnv):
 
     ## Starting State
 
-    At rest, no current in the coil, at the start of a road drawn from `roads`, or given:
-    `reset(options={"road": Road or file, "speed": m/s, "amplitude": factor})`.
-
-    ## Episode End
-
-    Truncated at the end of the road, behind the control period of its last sample. Never terminated: a simulation that
-    diverges is an error.
+    As in `PlantEnv`: `reset(options={"road": Road or file, "speed": m/s, "amplitude": factor})`.
 
     ## Arguments
 

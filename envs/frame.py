@@ -12,8 +12,8 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from mrdamp import sets
-from mrdamp.control import registry
-from mrdamp.control.base import Controller, sensor_name
+from mrdamp.control.base import sensor_name
+from mrdamp.control.registry import Site
 from mrdamp.envs.frame_rows import FrameChain, FrameRows
 from mrdamp.envs.frame_xml import FrameView, Position, frame_models, frame_xml
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut, played
@@ -213,10 +213,9 @@ class Frame(Structure):
     def validation(self) -> list[GroundMotion]:
         return validation_motions()
 
-    def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
+    def site(self, command_max: float, period: float, force_max: float | None = None) -> Site:
         structure = replace(self.frame, others=tuple(self.places[1:]))
-        site = registry.Site.of(replace(self.models[0], structure=structure), period)
-        return registry.make(spec, replace(site, command_max=command_max))
+        return replace(Site.of(replace(self.models[0], structure=structure), period), command_max=command_max)
 
     def load(self, rng: np.random.Generator, source: MotionSource, options: Mapping[str, Any]) -> GroundMotion:
         given = options.get("motion")
@@ -323,17 +322,11 @@ class FrameEnv(PlantEnv):
 
     ## Action Space
 
-    `Box(-1, 1, (m,), float32)`, one number for each of m dampers. Action 0 is half of the largest current.
-
-    | Num | Action | Control Min | Control Max | Name (in the XML file) | Transmission | Unit |
-    |-----|--------|-------------|-------------|------------------------|--------------|------|
-    | 0 | commanded current, -1 -> 0 and 1 -> the largest | 0 | `command_max` | damper | joint or tendon | A or V |
-    | 1 ... | those of further dampers | 0 | `command_max` | damper_2 ... | joint or tendon | A or V |
+    As in `PlantEnv`; a damper's transmission is the joint of its storey, or a tendon over several.
 
     ## Observation Space
 
-    `Box(-20, 20, (history (s + m),), float32)`: sensor readings, each divided by its scale
-    (`env.unwrapped.task.observer` has both). With the defaults, three storeys and one damper there are 6:
+    As in `PlantEnv`. With the defaults, three storeys and one damper there are 6:
 
     | Num | Observation | Min | Max | Name (in the XML file) | Joint | Unit before scaling |
     |-----|-------------|-----|-----|------------------------|-------|------|
@@ -368,15 +361,13 @@ class FrameEnv(PlantEnv):
 
     ## Starting State
 
-    At rest, no current in the coil, at the start of a ground motion drawn from `motions`, or given:
-    `reset(options={"motion": GroundMotion or file, "amplitude": factor, "compression": factor})`. A file is played five
+    As in `PlantEnv`: `reset(options={"motion": GroundMotion or file, "amplitude": factor, "compression": factor})`. A file is played five
     times as fast as it was recorded, as for the model frame of Dyke et al., a `GroundMotion` as it is, unless there is
     a `compression`: the rule of `RecordedMotions` too.
 
     ## Episode End
 
-    Truncated at the end of the motion, behind the control period of its last sample, or after `duration`. Never
-    terminated: a simulation that diverges is an error.
+    As in `PlantEnv`, or after `duration`.
 
     ## Arguments
 

@@ -18,15 +18,14 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from mrdamp.control import registry
-from mrdamp.control.base import Controller
 from mrdamp.control.clipped_optimal import Lqg
 from mrdamp.control.lqg import Linear, first_order_hold, outputs_of, plant_of
-from mrdamp.envs.cable_xml import LinearView, linear_xml
-from mrdamp.envs.linear_rows import LinearChain, LinearRows, forces_of
+from mrdamp.envs.cable_xml import LinearView
+from mrdamp.envs.linear_rows import ByMatrices, LinearChain, LinearRows, forces_of
 from mrdamp.envs.loads import MotionSource, drawn, played
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plants import periods
-from mrdamp.envs.structure import Structure, largest_force
+from mrdamp.envs.structure import largest_force
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
@@ -141,7 +140,7 @@ def _rewarded(kind: type[LinearStructure], weights: Mapping[str, float]) -> Weig
 
 
 @dataclass(frozen=True)
-class LinearStructure(Structure, metaclass=_Kind):
+class LinearStructure(ByMatrices, metaclass=_Kind):
     """Base of a frozen dataclass with `mechanics`, and these: name; places: rows (n,) over the coordinates by name, of
     what is measured; goals: by name; strong: m/s2, an acceleration that scales of observations belong to; rod: the
     place at the damper's rod end, for skyhook control. Raises InputError.
@@ -252,15 +251,8 @@ class LinearStructure(Structure, metaclass=_Kind):
         return (*(f"{what}_{place}" for what in whats for place in self.places), *SIGNALS[:-1])
 
     @property
-    def load_names(self) -> list[str]:
-        return [f"load_{k + 1}" for k in range(self.system.load.shape[1])]
-
-    @property
     def first(self) -> float:
         return float(self.system.frequencies[0])
-
-    def mjcf(self, timestep: float, *, drawn: bool = False) -> str:
-        return linear_xml(self.name, self.system, self.models[0], timestep, drawn=drawn)
 
     def view(self, task: Task, camera: str, size: tuple[int, int]) -> LinearView:
         return LinearView(self.mjcf(1e-3, drawn=True), camera, size)
@@ -341,9 +333,5 @@ class LinearStructure(Structure, metaclass=_Kind):
         return float(values[0] if goal.how == "peak" else math.sqrt(values[0])) / self.first**2
 
     def site(self, command_max: float, period: float, force_max: float | None = None) -> LinearSite:
-        """What controllers are made for."""
         force = registry.largest_force(self.models[0], command_max) if force_max is None else force_max
         return LinearSite(self, self.models[0], command_max, force, period)
-
-    def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
-        return registry.make(spec, self.site(command_max, period, force_max))

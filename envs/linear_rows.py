@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter
 
+from mrdamp.envs.cable_xml import linear_xml
 from mrdamp.envs.plants import Chained, EngineRows
+from mrdamp.envs.structure import Structure
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import ChainRows, Stepping
@@ -21,19 +24,25 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-6
 
 
-class ByMatrices(Protocol):
-    """A structure: matrices; rows (places, n) over its coordinates; whole: kg, see `ChainRows.linear`."""
+class ByMatrices(Structure):
+    """A structure given by matrices, with rows `at` (places, n) over its coordinates; whole: kg, see
+    `ChainRows.linear`."""
 
-    system: Mechanics
-    at: Array
-    whole: float
+    @property
+    @abstractmethod
+    def system(self) -> Mechanics:
+        """Without the damper."""
 
-    def forces(self, load: Any) -> Array:
-        """(samples, k) of a load every `load.sample_time`, straight between."""
+    @property
+    def load_names(self) -> list[str]:
+        return [f"load_{k + 1}" for k in range(self.system.load.shape[1])]
+
+    def mjcf(self, timestep: float, *, drawn: bool = False) -> str:
+        return linear_xml(self.name, self.system, self.models[0], timestep, drawn=drawn)
 
 
 def forces_of(whole: Any, load: Any) -> Array:
-    """`ByMatrices.forces` of a load. InputError unless they are (samples, k) finite numbers over its duration."""
+    """`Structure.forces` of a load. InputError unless they are (samples, k) finite numbers over its duration."""
     found, many = np.asarray(whole.forces(load), dtype=np.float64), whole.system.load.shape[1]
     if found.ndim != 2 or found.shape[1] != many or not len(found):
         raise InputError(f"{load.name}: forces have the shape {found.shape}; allowed: finite (samples, {many})")
@@ -57,7 +66,7 @@ class LinearRows(EngineRows):
     fields = ("sensordata", "qpos", "qvel", "qacc")
 
     def start(self, row: int, load: Any) -> Array:
-        """Row at rest under a load; returns `ByMatrices.forces` of it."""
+        """Row at rest under a load; returns `Structure.forces` of it."""
         forces = forces_of(self.structure, load)
         self._begin(row, forces, load.sample_time, load.duration)
         return forces

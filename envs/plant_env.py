@@ -89,9 +89,34 @@ class EnvState:
 
 
 class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
-    """A structure under control: `FrameEnv`, `CableEnv` and `CarEnv`.
+    """
+    ## Description
 
-    Arguments of all of them, in addition to those of each:
+    A structure under control: what `FrameEnv`, `CableEnv`, `CarEnv` and `StructureEnv` have in common.
+
+    ## Action Space
+
+    `Box(-1, 1, (m,), float32)`, one number for each of m dampers: the commanded current (A or V), none at -1, half of
+    the largest at 0 and `command_max` at 1. In the XML file the actuators are `damper`, `damper_2` ...
+
+    ## Observation Space
+
+    `Box(-20, 20, (history (s + m),), float32)`: readings of s sensors, each divided by its scale
+    (`env.unwrapped.task.observer` has both), and the commands held in the period that ended, 0 to 1.
+
+    ## Starting State
+
+    At rest, no current in the coil, at the start of a load drawn from its source, or given in the options of `reset`,
+    which may have an `amplitude`, a factor on the load.
+
+    ## Episode End
+
+    Truncated at the end of the load, behind the control period of its last sample. Never terminated: a simulation that
+    diverges is an error.
+
+    ## Arguments
+
+    In addition to those of each environment:
 
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|

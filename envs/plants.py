@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import mujoco
@@ -21,24 +20,13 @@ from mrdamp.control.base import sensor_name
 from mrdamp.errors import InputError, diverged
 from mrdamp.model.core import Array
 from mrdamp.simulation.mjcf import SIGNALS, actuator_name
-from mrdamp.simulation.rows import ChainRows, Stepping, finite, require_finite
+from mrdamp.simulation.rows import ChainRows, RowMoment, Stepping, finite, require_finite
 
 if TYPE_CHECKING:
     from mrdamp.envs.structure import Structure
 
 _SEEDS = 2**53  # whole numbers that a double holds
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
-
-
-@dataclass(frozen=True)
-class Moment:
-    """State of one row: engine state, load (samples, loads) every sample_time (s), its steps, and the step it is at."""
-
-    state: Array
-    load: Array
-    sample_time: float
-    steps: int
-    step: int
 
 
 class Plants:
@@ -167,11 +155,11 @@ class Plants:
         """(nq,) of a row, for drawing."""
         return np.array(self.batch.bind("qpos")[row])
 
-    def save(self, row: int) -> Moment:
+    def save(self, row: int) -> RowMoment:
         load, span = self._load[row, : self._last[row] + 1].copy(), (self._sample_time[row], self._steps[row])
-        return Moment(np.array(self.batch.state[row]), load, float(span[0]), int(span[1]), int(self.step[row]))
+        return RowMoment(np.array(self.batch.state[row]), load, float(span[0]), int(span[1]), int(self.step[row]))
 
-    def restore(self, row: int, moment: Moment) -> None:
+    def restore(self, row: int, moment: RowMoment) -> None:
         self.batch.state[row] = moment.state
         self._give(row, moment.load, moment.sample_time, moment.steps)
         self.step[row] = moment.step

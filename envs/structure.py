@@ -16,7 +16,7 @@ from mrdamp.model import Model, core
 from mrdamp.model.core import Array
 
 if TYPE_CHECKING:
-    from mrdamp.control.base import Controller
+    from mrdamp.control.registry import AnySite
     from mrdamp.envs.plants import EngineRows
     from mrdamp.envs.task import Task
     from mrdamp.envs.view import View
@@ -101,8 +101,8 @@ class Structure(ABC):
         """Loads that policies are evaluated by while they are trained, and that controllers are tuned on."""
 
     @abstractmethod
-    def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
-        """A classical controller. force_max: N, of the damper at the largest command. Raises InputError."""
+    def site(self, command_max: float, period: float, force_max: float | None = None) -> AnySite:
+        """What controllers are made for. force_max: N, of the damper at the largest command, None: in a slow motion."""
 
     @abstractmethod
     def load(self, rng: np.random.Generator, source: Any, options: Mapping[str, Any]) -> Any:

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.networks import Network
-from mrdamp.control.policy import velocities
 from mrdamp.envs.task import episodes
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
@@ -219,7 +218,7 @@ class EvolutionRun(StepRun):
         self, world: World, loads: Sequence[Any], layers: Any, rng: np.random.Generator
     ) -> dict[str, Array]:
         """The world's measures (population, loads) of all candidates under the loads."""
-        many, least = len(loads), self.least()
+        many, policy = len(loads), self.policy()
         task = world.searching(self.population * many)
 
         def act(observation: NDArray[np.float32]) -> Array:
@@ -229,12 +228,7 @@ class EvolutionRun(StepRun):
                 inputs = inputs + np.tile(noise, (self.population, 1))  # the same for every candidate
             inputs = inputs @ self.matrix.T
             action = actions(layers, inputs.reshape(self.population, many, -1)).ravel()
-            if self.levels is None:
-                command = np.asarray(0.5 * (action + 1.0) * self.command_max)
-            else:
-                velocity = velocities(task.observer, observation, self.chosen.ahead)
-                command = self.levels.command(action * self.levels.force_max, forces(task, observation), velocity)
-            return command if least is None else np.maximum(command, least(task.observer.peak(observation, "force")))
+            return policy.driven(action, observation, forces(task, observation))
 
         found = episodes(task, world.measures, list(loads) * self.population, act)
         self._periods += int(task.rows.steps.sum())

@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.observe import Observer
@@ -130,8 +131,8 @@ class World:
         plant = RowPlant(
             task.structure, period=task.rows.period, timestep=plants.timestep, command_max=task.command_max.tolist()
         )
-        force = self.levels(task).force_max
-        return Stage(plant, task.structure.controller(spec, largest, plant.period, force))
+        site = task.structure.site(largest, plant.period, self.levels(task).force_max)
+        return Stage(plant, registry.make(spec, site))
 
     def score(self, means: Mapping[str, float]) -> float:
         """Of the means of the measures over the validation loads; smaller is better."""

@@ -28,17 +28,10 @@ _LONGEST = 0.1
 
 @dataclass(frozen=True, eq=False)
 class GroundMotion:
-    """Ground acceleration on a uniform clock.
+    """Ground acceleration (n,) m/s2 every sample_time (s), read-only; the first sample is at t = 0.
 
-    Attributes:
-        name: short name, from the file.
-        sample_time: s.
-        acceleration: (n,) m/s2, read-only; the first sample is at t = 0.
-        source: where it comes from, in words.
-        speed: how many times as fast as it was recorded.
-
-    Raises:
-        InputError: not one-dimensional, fewer than 3 samples, a number that is not finite.
+    name: from the file; source: where it comes from, in words; speed: how many times as fast as it was recorded. Raises
+    InputError.
     """
 
     name: str
@@ -98,7 +91,7 @@ class GroundMotion:
         return replace(self, sample_time=sample_time, acceleration=values)
 
     def save(self, path: Path | str, digits: int = 6) -> None:
-        """Write the one-column CSV that `read_motion` reads, in one go."""
+        """Writes the one-column CSV that `read_motion` reads, in one go."""
         path = Path(path)
         if not path.name.endswith(".csv"):
             raise InputError(f"{path}: a ground motion is written as .csv")
@@ -109,22 +102,13 @@ class GroundMotion:
 
 
 def read_motion(path: Path | str, sample_time: float | None = None) -> GroundMotion:
-    """Read a ground motion.
-
-    Three forms, distinguished by suffix and content:
+    """A ground motion's file, in one of three forms; a name that ends in .gz is unpacked. Raises InputError.
 
     * ``.AT2`` of the PEER database: acceleration in g, turned into m/s2 (1 g = 9.80665 m/s2);
     * CSV with one column, m/s2, and ``dt_s=0.02`` in a ``#`` line (``n=`` is checked where given),
-      or with ``sample_time`` given here;
+      or with ``sample_time`` (s) given here;
     * CSV with a time column in s and an acceleration column: without a header m/s2; a header names
       ``time_s`` and ``ground_acceleration_m_s2``, ``acceleration_m_s2`` or ``acceleration_g``.
-
-    Args:
-        path: the file; a name that ends in .gz is unpacked.
-        sample_time: s, for a one-column file that does not give its own.
-
-    Raises:
-        InputError: one line with the file and the fault.
     """
     path = Path(path)
     found = _parse(str(path), path.name, decode(str(path), read_bytes(path)), sample_time)
@@ -177,34 +161,16 @@ def kanai_tajimi(
     for the soil layer, Clough and Penzien, Dynamics of Structures, for the second filter, Amin and Ang
     1968 (J. Eng. Mech. Div. ASCE 94, 559) for the envelope. Defaults: firm soil.
 
-    Args:
-        seed: of numpy's default generator; the same seed gives the same motion.
-        duration: s.
-        sample_time: s; at most a tenth of the ground's period.
-        pga: peak acceleration, m/s2.
-        ground_frequency: w_g, rad/s.
-        ground_damping: z_g.
-        filter_frequency: w_f, rad/s.
-        filter_damping: z_f.
-        rise: s.
-        plateau: s.
-        decay: 1/s.
-
-    Raises:
-        InputError: a value that is not positive, or a sample time too long for the soil.
+    seed: of NumPy's default generator; duration, rise, plateau: s; sample_time: s, at most a tenth of the ground's
+    period; pga: m/s2, the peak; ground_frequency, filter_frequency: w_g and w_f, rad/s; ground_damping, filter_damping:
+    z_g and z_f; decay: 1/s. Raises InputError.
     """
-    positive = (
-        ("duration", duration),
-        ("sample_time", sample_time),
-        ("pga", pga),
-        ("ground_frequency", ground_frequency),
-        ("ground_damping", ground_damping),
-        ("filter_frequency", filter_frequency),
-        ("filter_damping", filter_damping),
-        ("rise", rise),
-        ("decay", decay),
-    )
-    for name, value in positive:
+    positive = {
+        "duration": duration, "sample_time": sample_time, "pga": pga, "ground_frequency": ground_frequency,
+        "ground_damping": ground_damping, "filter_frequency": filter_frequency, "filter_damping": filter_damping,
+        "rise": rise, "decay": decay,
+    }  # fmt: skip
+    for name, value in positive.items():
         if not 0.0 < value < np.inf:
             raise InputError(f"kanai_tajimi: {name} is {value}: it must be positive")
     if not 0.0 <= plateau < np.inf:
@@ -268,11 +234,8 @@ _VALUE = r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?)"
 
 
 def parse_csv(file: str, text: str, sample_time: float | None) -> Parsed:
-    """A CSV with one column (m/s2, ``dt_s=`` in a comment or ``sample_time``) or with time and acceleration.
-
-    Raises:
-        InputError: one line with the file and the fault.
-    """
+    """A CSV with one column (m/s2, ``dt_s=`` in a comment or ``sample_time``) or with time and acceleration. Raises
+    InputError."""
     lines = text.rstrip().split("\n")
     comments = [line for line in lines if line.startswith("#")]
     skip = 0
@@ -315,10 +278,7 @@ def parse_csv(file: str, text: str, sample_time: float | None) -> Parsed:
 def parse_at2(file: str, text: str) -> Parsed:
     """PEER .AT2: four lines of header, the last with NPTS and DT in one of its forms, then values in g.
 
-    The forms are ``NPTS=  4000, DT=   .0050 SEC`` and the older ``4000    0.0050    NPTS, DT``.
-
-    Raises:
-        InputError: one line with the file and the fault.
+    The forms are ``NPTS=  4000, DT=   .0050 SEC`` and the older ``4000    0.0050    NPTS, DT``. Raises InputError.
     """
     lines = text.rstrip().split("\n")
     place = next((k for k, line in enumerate(lines[:12]) if re.search("NPTS", line, re.IGNORECASE)), None)

@@ -150,10 +150,10 @@ class Bench(ABC):
     def structure(self) -> Structure:
         """With its damper."""
 
-    @property
-    @abstractmethod
+    @cached_property
     def site(self) -> registry.AnySite:
         """What controllers are made for."""
+        return self.structure.site(self.command_max, self.period)
 
     @abstractmethod
     def run(self, spec: str, load: Any, amplitude: float) -> dict[str, Any]:

@@ -14,10 +14,8 @@ from scipy.signal import cont2discrete
 
 from mrdamp.compare.beam import judged, search, started
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, PlantBench, PlantRun
-from mrdamp.control.cable import CableSite
-from mrdamp.control.registry import largest_force
 from mrdamp.control.told import knowledge
-from mrdamp.envs.cable import Cable, cable_damper, default_places, free_run
+from mrdamp.envs.cable import Cable, cable_damper, free_run
 from mrdamp.envs.linear_rows import CableChain
 from mrdamp.envs.loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.model import Model
@@ -53,13 +51,6 @@ class CableBench(PlantBench):
     @cached_property
     def structure(self) -> Cable:
         return Cable(self.cable, self.model)
-
-    @cached_property
-    def site(self) -> CableSite:
-        cable, largest = self.cable, self.command_max
-        # In a slow motion of 1 % of the damper's distance from the anchorage.
-        force = largest_force(self.model, largest, 0.01 * cable.damper_at * cable.length, cable.first, 2000)
-        return CableSite(cable, largest, default_places(cable), force, self.period, self.model)
 
     def uncontrolled(self, load: CableLoad) -> dict[str, Any]:
         free = free_run(self.cable, self.cable.forces(load.force, load.places), load.sample_time)

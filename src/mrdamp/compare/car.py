@@ -15,8 +15,6 @@ from scipy.linalg import expm, solve_discrete_lyapunov
 
 from mrdamp.compare.beam import WIDTHS, judged, search, started
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, PlantBench, PlantRun, require_periods
-from mrdamp.control.car import CarSite
-from mrdamp.control.registry import largest_force
 from mrdamp.control.told import knowledge
 from mrdamp.envs.car import Car, car_damper, linear_run
 from mrdamp.envs.frame_rows import PERIOD, CarChain
@@ -93,11 +91,6 @@ class CarBench(PlantBench):
     @cached_property
     def structure(self) -> Car:
         return Car(self.car, self.model)
-
-    @cached_property
-    def site(self) -> CarSite:
-        largest = self.command_max
-        return CarSite(self.car, self.model, largest, largest_force(self.model, largest), self.period)
 
     def uncontrolled(self, load: Road) -> dict[str, Any]:
         require_periods(load, self.period)

@@ -14,7 +14,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrdamp.compare.bench import ELECTRIC, TUNED, WINDOW, Measure, PlantBench, PlantRun
-from mrdamp.control import registry
 from mrdamp.control.told import knowledge
 from mrdamp.envs.linear import LinearStructure
 from mrdamp.envs.linear_rows import forces_of
@@ -54,10 +53,6 @@ class GoalBench(PlantBench):
     @property
     def tuned(self) -> Mapping[str, str]:
         return {name: kind for name, kind in TUNED.items() if kind != "skyhook" or self.structure.rod}
-
-    @cached_property
-    def site(self) -> registry.AnySite:
-        return self.structure.site(self.command_max, self.period)
 
     def uncontrolled(self, load: Any) -> dict[str, Any]:
         return dict(zip(self.structure.goals, self.structure.uncontrolled(load, WINDOW).tolist(), strict=True))

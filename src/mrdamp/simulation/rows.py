@@ -101,12 +101,14 @@ class Stepping:
 
 @dataclass(frozen=True)
 class RowMoment:
-    """Everything that the future of one row depends on: its state, load (samples, loads), sample time (s) and steps."""
+    """Everything that the future of one row depends on: its state, load (samples, loads) every sample_time (s), its
+    steps, and the step it is at."""
 
     state: Array
     load: Array
     sample_time: float
     steps: int
+    step: int
 
 
 class ChainRows:
@@ -268,12 +270,13 @@ class ChainRows:
 
     def save(self, row: int) -> RowMoment:
         load = self._load[row]
-        return RowMoment(self.state[row].copy(), self._given[row], load.sample_time, load.steps)
+        state = self.state[row].copy()
+        return RowMoment(state, self._given[row], load.sample_time, load.steps, int(state[0]))
 
     def restore(self, row: int, moment: RowMoment) -> None:
         self._give(row, moment.load, moment.sample_time, moment.steps)
         self.state[row] = moment.state
-        self.step[row] = int(moment.state[0])
+        self.step[row] = moment.step
 
     def share(self, other: ChainRows, chosen: NDArray[np.intp]) -> None:
         """The loads of other rows, without copies: row k takes that of `other`'s row chosen[k], chosen (n,)."""
