@@ -296,7 +296,8 @@ class CableEnv(PlantEnv):
 
     ## Action Space
 
-    As in `PlantEnv`; the damper's transmission is the tendon `stroke`. Below its least command, .6 V of 4 V (actions up to -.7), the default damper does as at .6 V: a dead zone.
+    As in `PlantEnv`; the damper's transmission is the tendon `stroke`. Below its least command, .6 V of 4 V (actions up
+    to -.7), the default damper does as at .6 V: a dead zone.
 
     ## Observation Space
 

@@ -361,7 +361,8 @@ class FrameEnv(PlantEnv):
 
     ## Starting State
 
-    As in `PlantEnv`: `reset(options={"motion": GroundMotion or file, "amplitude": factor, "compression": factor})`. A file is played five
+    As in `PlantEnv`:
+    `reset(options={"motion": GroundMotion or file, "amplitude": factor, "compression": factor})`. A file is played five
     times as fast as it was recorded, as for the model frame of Dyke et al., a `GroundMotion` as it is, unless there is
     a `compression`: the rule of `RecordedMotions` too.
 

@@ -302,9 +302,8 @@ class LinearStructure(ByMatrices, metaclass=_Kind):
         until = periods(load.duration, period) * period if period else load.duration
         at = np.arange(math.ceil(until / load.sample_time * inner - 1e-6) + 1) / inner
         w = np.stack([np.interp(at, np.arange(len(given)), column) for column in given.T], axis=1)
-        a = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), s.rate])
-        b = np.vstack([np.zeros_like(s.loaded), s.loaded])
-        phi, held, ramp = first_order_hold(a, b, load.sample_time / inner)
+        plant = plant_of(s)
+        phi, held, ramp = first_order_hold(plant.a, plant.e, load.sample_time / inner)
         state, push = np.zeros((len(w), 2 * n)), w[:-1] @ held.T + w[1:] @ ramp.T
         for k in range(len(push)):
             state[k + 1] = phi @ state[k] + push[k]

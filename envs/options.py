@@ -29,31 +29,23 @@ def stem(name: str) -> str:
 class Noise:
     """White noise on measurements; deviation: name, or the name without its number -> standard deviation, SI.
 
-    Attributes: where, of the names there is any; all (names,), its standard deviation on each.
+    Attributes: all (names,), its standard deviation on each; where, of the names there is any.
     """
 
     def __init__(self, deviation: Mapping[str, float], names: Sequence[str]) -> None:
-        self.where: list[int] = []
-        found: list[float] = []
         stems = {name: stem(name) for name in names}
         for key, value in deviation.items():
             if key not in stems and key not in stems.values():
                 raise InputError(f"noise on {key!r}: no such measurement; there are: {', '.join(names)}")
             if not 0 <= value < math.inf:
                 raise InputError(f"noise on {key!r} is {value}; allowed: >= 0")
-        for k, name in enumerate(names):
-            value = deviation.get(name, deviation.get(stems[name], 0.0))
-            if value > 0:
-                self.where.append(k)
-                found.append(value)
-        self.deviation = np.array(found)
-        self.all = np.zeros(len(names))
-        self.all[self.where] = self.deviation
+        self.all: Array = np.array([deviation.get(name, deviation.get(stems[name], 0.0)) for name in names], np.float64)
+        self.where: list[int] = np.flatnonzero(self.all).tolist()
 
     def add(self, values: Array, row: int, rng: np.random.Generator) -> None:
         """Onto row of values (n, names), in place."""
         if self.where:
-            values[row, self.where] += self.deviation * rng.standard_normal(len(self.where))
+            values[row, self.where] += self.all[self.where] * rng.standard_normal(len(self.where))
 
 
 @dataclass(frozen=True, kw_only=True)

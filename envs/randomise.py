@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from numbers import Real
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -127,16 +128,6 @@ def _effect(name: str) -> tuple[str, str, int | None] | None:
     return None
 
 
-@dataclass
-class _Clock:
-    """What is the same in all rows, and the steps (n,) since each row's start."""
-
-    n: int
-    inner: int
-    timestep: float
-    step: NDArray[np.int64]
-
-
 class DrawnRows:
     """n rows, each with a structure and dampers of its own, made anew at every start; else as the rows they are of.
 
@@ -147,7 +138,9 @@ class DrawnRows:
         self.randomise = Randomise(ranges, tuple(like.structure.parts().values()))
         self._like, self._noise = like, np.zeros(len(like.names))
         self.names, self.period, self.command_max = like.names, like.period, like.command_max
-        self.plants = _Clock(n, like.plants.inner, like.plants.timestep, np.zeros(n, dtype=np.int64))
+        # What is the same in all rows, and the steps (n,) since each row's start.
+        step, plants = np.zeros(n, dtype=np.int64), like.plants
+        self.plants = SimpleNamespace(n=n, inner=plants.inner, timestep=plants.timestep, step=step)
         self.steps: NDArray[np.int64] = np.ones(n, dtype=np.int64)
         self.drawn: list[dict[str, float]] = [{} for _ in range(n)]
         self._rows = [self._made({}) for _ in range(n)]

@@ -69,7 +69,8 @@ class Task:
 
     loads: their source, None: the structure's default; reward: weights, see `Structure.weights`; options: of
     `TaskOptions`. Attributes: structure; rows; score; observer; command_max (m,) A or V; observation_space and
-    action_space of one row; happened: (n, ...), results of the rows for the last control period. Raises InputError.
+    action_space of one row; measured: (n, names) last sensor readings, in the order of `rows.names`; happened:
+    (n, ...), results of the rows for the last control period. Raises InputError.
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class Task:
         self._columns: list[int] = self._observed.tolist()
         self._largest: list[float] = command_max.tolist()
         self._currents = [k for k, name in enumerate(rows.names) if re.fullmatch(r"current(_\d+)?", name)]
-        self._measured: Array = np.zeros((self.n, len(rows.names)))
+        self.measured: Array = np.zeros((self.n, len(rows.names)))
         self.happened: Array = np.zeros((self.n, 0))
         self._stack = Stack(observer, self.n)
         self._command: Array = np.zeros((self.n, len(command_max)))
@@ -110,11 +111,6 @@ class Task:
         self._references: dict[bytes, Sequence[float] | Array] = {}
         self.observation_space = Box(-observer.limit, observer.limit, (observer.size,), np.float32)
         self.action_space = Box(-1.0, 1.0, (len(command_max),), np.float32)
-
-    @property
-    def measured(self) -> Array:
-        """(n, names) last sensor readings, in the order of `rows.names`."""
-        return self._measured
 
     @property
     def over(self) -> NDArray[np.bool_]:
@@ -135,7 +131,7 @@ class Task:
 
     def current_shares(self, row: int) -> list[float]:
         """Of each damper's current in its largest, now."""
-        return (self._measured[row, self._currents] / self.command_max).tolist()  # type: ignore[no-any-return]
+        return (self.measured[row, self._currents] / self.command_max).tolist()  # type: ignore[no-any-return]
 
     def begin(
         self, row: int, rng: np.random.Generator, options: Mapping[str, Any], fixed: Mapping[str, float] | None = None
@@ -181,7 +177,7 @@ class Task:
             self.noise.add(values, k, rngs[row])
             self._rngs[row] = rngs[row]
             self._command[row] = 0.0
-        self._measured[list(rows)] = values
+        self.measured[list(rows)] = values
         observation = self._stack.restart(rows, values[:, self._observed], self._command[list(rows)])
         return observation, infos
 
@@ -200,7 +196,7 @@ class Task:
             for row, rng in enumerate(self._rngs):
                 if rng is not None and row not in quiet:
                     self.noise.add(values, row, rng)
-        self._measured = values
+        self.measured = values
         observation = self._stack.push(values[:, self._observed], self._command)
         return Step(observation, reward, self.over, info)
 
@@ -231,7 +227,7 @@ class Task:
                 raise diverged()
         except Diverged:
             raise diverged(self._under[0]) from None
-        self._measured = measured = np.array([values])
+        self.measured = measured = np.array([values])
         if self.noise.where and self._rngs[0] is not None:
             self.noise.add(measured, 0, self._rngs[0])
             values = measured[0].tolist()
@@ -240,7 +236,7 @@ class Task:
         return observation, reward, bool(plants.step[0] >= rows.steps[0] * plants.inner), info
 
     def save(self, row: int) -> Episode:
-        held = self.score.values, self._stack.past, self._command, self._measured
+        held = self.score.values, self._stack.past, self._command, self.measured
         return Episode(self.rows.save(row), *(values[row].copy() for values in held))
 
     def restore(self, row: int, episode: Episode, rng: np.random.Generator) -> None:
@@ -249,7 +245,7 @@ class Task:
         self.score.values[row] = episode.score
         self._stack.past[row] = episode.past
         self._command[row] = episode.command
-        self._measured[row] = episode.measured
+        self.measured[row] = episode.measured
         self._rngs[row] = rng
 
 

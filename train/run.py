@@ -82,12 +82,14 @@ def require_policy(out: Path) -> None:
 
 class Run(ABC):
     """A training that is going on. n: rows of its task. Attributes: curve, as in `Result`; resumed, whether it goes on
-    from a checkpoint, and reached, the control periods of that."""
+    from a checkpoint, the file of `save`, and reached, the control periods of that."""
 
     kept_in: ClassVar[str] = "checkpoint.pt"
 
     def __init__(self, options: Options, chosen: Settings, out: Path, n: int) -> None:
         self.options, self.chosen, self.out = options, chosen, out
+        self.state_file, self.matrix_file = out / "state.json", out / "normalization.npy"
+        self.checkpoint = out / self.kept_in
         self.world: World = world(options.environment, chosen.env_kwargs, options.model, chosen.score)
         _require_trainable(options.algorithm, chosen, self.world.task(1).command_max)
         if chosen.estimator:
@@ -136,19 +138,6 @@ class Run(ABC):
     def inputs(self) -> int:
         """Of the network."""
         return len(self.matrix)
-
-    @property
-    def state_file(self) -> Path:
-        return self.out / "state.json"
-
-    @property
-    def checkpoint(self) -> Path:
-        """The file of `save`."""
-        return self.out / self.kept_in
-
-    @property
-    def matrix_file(self) -> Path:
-        return self.out / "normalization.npy"
 
     @property
     @abstractmethod

@@ -18,7 +18,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.optimize import minimize_scalar
 
 from mrdamp.compare import tables
-from mrdamp.control.lqg import Plant, regulator_gain
+from mrdamp.control.lqg import Plant, first_order, regulator_gain
 from mrdamp.errors import InputError
 from mrdamp.parallel import mapped
 from mrdamp.structures import FloatArray
@@ -32,15 +32,9 @@ class ControlledCable(TautCable):
     @cached_property
     def plant(self) -> Plant:
         """First-order form; b per unit of F, e per unit of w."""
-        n = self.modes + 1
         inverse = np.linalg.inv(self.mass)
-        a = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ self.stiffness, -inverse @ self.damping]])
-        zero = np.zeros(n)
-        return Plant(
-            a,
-            np.concatenate([zero, inverse @ self.at_damper]),
-            np.concatenate([zero, inverse @ self.forcing]),
-        )
+        rate = np.hstack([-inverse @ self.stiffness, -inverse @ self.damping])
+        return first_order(rate, inverse @ self.at_damper, inverse @ self.forcing)
 
     def rms(self, gain: FloatArray) -> tuple[float, float]:
         """J and the RMS force under F = -gain s, gain (2N+2,), in white noise of intensity one.

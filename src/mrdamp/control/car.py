@@ -175,13 +175,6 @@ def regulated(car: QuarterCar, holding: float, stroke: float) -> dict[str, float
     }
 
 
-def car_linear(car: QuarterCar, period: float) -> Linear:
-    """As controllers at a period (s) see it: white noise per sample."""
-    deviation = np.array(list(MEASURED.values())) * math.sqrt(period)
-    rows = partial(car_outputs, car)
-    return Linear(car_plant(car), rows, tuple(MEASURED), regulated(car, 0.3, 0.03), car.bounce, deviation=deviation)
-
-
 class Velocities(Several):
     """Base of what acts on the absolute velocities of wheel and body, from their accelerometers by v' = a - v / leak.
 
@@ -282,7 +275,10 @@ class CarSite(registry.AnySite):
 
     @property
     def linear(self) -> Linear:
-        return car_linear(self.car, self.period)
+        """White noise is that per sample."""
+        car, rows = self.car, partial(car_outputs, self.car)
+        deviation = np.array(list(MEASURED.values())) * math.sqrt(self.period)
+        return Linear(car_plant(car), rows, tuple(MEASURED), regulated(car, 0.3, 0.03), car.bounce, deviation=deviation)
 
     def lqg(self, options: Mapping[str, float]) -> Lqg:
         """r: of (f / m_b)^2; roughness: intensity of the road's velocity, m2/s."""

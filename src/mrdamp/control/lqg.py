@@ -61,7 +61,6 @@ class Linear:
     def dampers(self) -> int:
         return 1 if self.plant.b.ndim == 1 else self.plant.b.shape[1]
 
-
     def weighted(self, what: str, weights: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows c, feedthrough d and weights (p,) of the outputs that have one. what: they are, for messages. Raises
         InputError."""
@@ -88,17 +87,16 @@ def linear(structure: ShearFrame | Linear) -> Linear:
 
 def plant(frame: ShearFrame) -> Plant:
     """First-order form of the frame's equation of motion."""
-    n = frame.storeys
     inverse = np.diag(1 / frame.mass)
-    a = np.zeros((2 * n, 2 * n))
-    a[:n, n:] = np.eye(n)
-    a[n:, :n] = -inverse @ frame.stiffness_matrix
-    a[n:, n:] = -inverse @ frame.damping_matrix
-    return Plant(
-        a=a,
-        b=np.concatenate([np.zeros_like(frame.gamma), inverse @ frame.gamma]),
-        e=np.concatenate([np.zeros(n), -np.ones(n)]),
-    )
+    rate = np.hstack([-inverse @ frame.stiffness_matrix, -inverse @ frame.damping_matrix])
+    return first_order(rate, inverse @ frame.gamma, -np.ones(frame.storeys))
+
+
+def first_order(rate: FloatArray, push: FloatArray, loaded: FloatArray) -> Plant:
+    """Of accelerations q'' = rate [q; q'] + push f + loaded w."""
+    n = len(rate)
+    a = np.vstack([np.eye(n, 2 * n, n), rate])
+    return Plant(a, *(np.concatenate([np.zeros_like(part), part]) for part in (push, loaded)))
 
 
 def outputs(frame: ShearFrame, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -122,10 +120,7 @@ def outputs(frame: ShearFrame, names: Sequence[str]) -> tuple[FloatArray, FloatA
 
 def plant_of(system: Mechanics) -> Plant:
     """First-order form; e (2n, k) per unit of the loads."""
-    n = len(system.stroke)
-    a = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), system.rate])
-    b = np.append(np.zeros(n), system.push[:, 0])
-    return Plant(a, b, np.vstack([np.zeros_like(system.loaded), system.loaded]))
+    return first_order(system.rate, system.push[:, 0], system.loaded)
 
 
 def outputs_of(
