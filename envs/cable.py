@@ -20,9 +20,9 @@ from mrdamp.envs.linear_rows import ByMatrices, CableChain, CableRows
 from mrdamp.envs.loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plant_env import PlantEnv, RowPlant
+from mrdamp.envs.structure import Part, Total, Weights, of_dampers
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import CableLoads, validation_loads
-from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
 from mrdamp.model.core import Array

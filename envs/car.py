@@ -19,10 +19,9 @@ from mrdamp.envs.frame_xml import CarView, car_xml, frame_models
 from mrdamp.envs.loads import IsoRoads, RoadSource
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plant_env import PlantEnv, RowPlant
-from mrdamp.envs.structure import Structure, largest_force
+from mrdamp.envs.structure import Part, Structure, Total, Weights, largest_force, of_dampers
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import TrainingRoads, validation_roads
-from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
 from mrdamp.model.core import Array

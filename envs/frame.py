@@ -18,10 +18,9 @@ from mrdamp.envs.frame_rows import FrameChain, FrameRows
 from mrdamp.envs.frame_xml import FrameView, Position, frame_models, frame_xml
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut, played
 from mrdamp.envs.plant_env import PlantEnv, RowPlant
-from mrdamp.envs.structure import Structure, largest_force
+from mrdamp.envs.structure import Part, Structure, Total, Weights, largest_force, of_dampers
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import some_motions, training_motions, validation_motions
-from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError, require_kind, require_one_of, require_positive
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array

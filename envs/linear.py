@@ -25,10 +25,9 @@ from mrdamp.envs.linear_rows import ByMatrices, LinearChain, LinearRows, forces_
 from mrdamp.envs.loads import MotionSource, drawn, played
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plants import periods
-from mrdamp.envs.structure import largest_force
+from mrdamp.envs.structure import Part, Total, Weights, largest_force, of_dampers
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
-from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError, require_kind, require_one_of, require_positive
 from mrdamp.model import Model
 from mrdamp.model.core import Array

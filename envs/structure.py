@@ -1,17 +1,20 @@
-"""What a structure says of itself; rows, tasks, environments, vector environments and plants follow from it."""
+"""What a structure says of itself, from which rows, tasks, environments, vector environments and plants follow; and
+rewards: weights of their parts, how they come from names and values, and their sums over an episode.
+"""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamp.envs.randomise import varied
-from mrdamp.envs.weights import Weights
+from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array
 
@@ -160,3 +163,164 @@ def largest_force(model: Model, stroke: float, w: float, command: float) -> floa
     out = core.run(model.law, model.attributes, float(t[1]), x, v, u=command, narx=model.narx)
     largest = float(np.abs(out["force"]).max())
     return largest if largest > 0 else 1.0
+
+
+_UNIT = 100.0  # of returns
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a reward. name: of its weight; column: of the results of a control period.
+
+    over: which number of the reference it is divided by. power: the ratio to the power of that times the exponent;
+    1/2 of a mean square. rise: only what it is above its largest so far; summed: a sum over the episode, not a mean.
+    """
+
+    name: str
+    column: int
+    over: int | None = None
+    power: float = 0.0
+    rise: bool = False
+    summed: bool = False
+
+
+@dataclass(frozen=True)
+class Total:
+    """A field of `info` about the row's start until now. column, over: as of a `Part`.
+
+    how: `peak`, the largest; `mean` or `rms` over time, the latter of mean squares; `sum`. ratio: over the reference's.
+    """
+
+    name: str
+    column: int
+    how: Literal["peak", "mean", "rms", "sum"]
+    over: int | None = None
+    ratio: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weights:
+    """Base of weights, one a part and each at least 0, with an exponent above 0 to 20.
+
+    A part is worth 100 times its weight times its mean over the episode, or its sum where it is `summed`: the
+    structure that criteria are relative to has a return of -100 with weights of 1 in all, however long the load is.
+
+    table: the parts, whose names are fields; each is in `info` as `reward_` and its name, and their sum is the reward.
+    totals: the other fields of `info`. references: how many numbers the reference has.
+    """
+
+    current: float = 0.0
+    power: float = 0.0
+    exponent: float = 2.0
+
+    table: ClassVar[tuple[Part, ...]]
+    totals: ClassVar[tuple[Total, ...]]
+    references: ClassVar[int] = 3
+
+    def __post_init__(self) -> None:
+        for part in (each.name for each in self.table):
+            if not 0 <= getattr(self, part) < math.inf:
+                raise InputError(f"reward: weight {part} is {getattr(self, part)}; allowed: >= 0")
+        if not 0 < self.exponent <= 20:
+            raise InputError(f"reward: exponent is {self.exponent}; allowed: above 0 to 20")
+
+    @property
+    def signed(self) -> NDArray[np.float64]:
+        """(parts,) sign and weight of each part: energy is a gain, all others are costs."""
+        return np.array([(_UNIT if p.name == "energy" else -_UNIT) * getattr(self, p.name) for p in self.table])
+
+    @classmethod
+    def of(cls, given: Self | Mapping[str, Any] | None) -> Self:
+        """Weights as they are given, from names and values, or the default. Raises InputError."""
+        require_kind(f"a {cls.__name__}, or numbers by name", (cls, Mapping), reward=given)
+        return given if isinstance(given, cls) else cls.from_dict(given or {})  # type: ignore[arg-type]
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """From names and values, as in YAML. Raises InputError for an unknown one."""
+        known = {f.name for f in fields(cls)}
+        for name in data:
+            if name not in known:
+                raise InputError(f"reward: {name!r} is unknown; allowed: {', '.join(sorted(known))}")
+        return replace(cls(), **data)
+
+
+#: Results of a control period that every structure has last: means over dampers and time of the current's size over the
+#: largest command, of its square, and of its size in A or V; energy taken in by the dampers, J.
+OF_DAMPERS = ("share", "power", "current", "energy")
+
+
+def of_dampers(first: int, energy: int | None = None) -> tuple[tuple[Part, ...], tuple[Total, ...]]:
+    """The parts and totals of the dampers, whose results begin at column `first`; energy: its reference's number."""
+    parts = [Part("current", first), Part("power", first + 1)]
+    if energy is not None:
+        parts.append(Part("energy", first + 3, energy, summed=True))
+    totals = Total("mean_power", first + 1, "mean"), Total("mean_current", first + 2, "mean")
+    return tuple(parts), (*totals, Total("dissipated_energy", first + 3, "sum"))
+
+
+class Score:
+    """Rewards of n rows, and their totals since each row's start.
+
+    values (n, ...) are its whole state: the reference; the sums and peaks so far, peaks over the reference's where
+    there is one; periods so far, and of the load. NAMES: columns of `info`, the parts of the reward first.
+    """
+
+    def __init__(self, weights: Weights, n: int) -> None:
+        self.weights = weights
+        self.NAMES = (*(f"reward_{part.name}" for part in weights.table), *(total.name for total in weights.totals))
+        self._first = weights.references
+        kept = dict.fromkeys((t.column, t.over if t.how == "peak" else None, t.how == "peak") for t in weights.totals)
+        self._kept = {key: self._first + k for k, key in enumerate(kept)}
+        self.values = np.ones((n, self._first + len(kept) + 2))
+        self._signs: list[float] = weights.signed.tolist()
+        self._parts = np.zeros(len(self._signs))
+
+    def start(self, row: int, reference: Sequence[float] | NDArray[np.float64], periods: int) -> None:
+        """Starts a row. reference: of its reward; periods: of control, that the load lasts."""
+        self.values[row] = 0.0
+        self.values[row, : self._first] = reference
+        self.values[row, -1] = periods
+
+    def _run(self, period: Any, v: Any, larger: Any, root: Any) -> tuple[list[Any], list[Any]]:
+        """Parts and totals from columns of results and of `values`, which move on; of numbers as of arrays (n,)."""
+        parts, totals = [], []
+        for part, sign in zip(self.weights.table, self._signs, strict=True):
+            x = period[part.column] if part.over is None else period[part.column] / v[part.over]
+            if part.rise:
+                x = larger(x - v[self._kept[part.column, part.over, True]], 0.0)
+            elif part.power:
+                power = part.power * self.weights.exponent
+                x = x if power == 1.0 else x * x if power == 2.0 else np.power(x, power)
+            parts.append(x * (sign if part.summed else sign / v[-1]))
+        for (column, over, peak), at in self._kept.items():
+            x = period[column] if over is None else period[column] / v[over]
+            v[at] = larger(v[at], x) if peak else v[at] + x
+        v[-2] = v[-2] + 1.0
+        for t in self.weights.totals:
+            peak = t.how == "peak"
+            x = v[self._kept[t.column, t.over if peak else None, peak]]
+            if peak:
+                x = x if t.ratio or t.over is None else x * v[t.over]
+            elif t.how != "sum":
+                x = x / v[-2]
+            if t.how == "rms":
+                x = root(x) / root(v[t.over]) if t.ratio else root(x)
+            totals.append(x)
+        return parts, totals
+
+    def of(self, period: Array) -> tuple[Array, Array]:
+        """Rewards (n,) of a control period from its results (n, columns), and the columns of `info`, (n, names)."""
+        values = list(self.values.T)
+        parts, totals = self._run(period.T, values, np.maximum, np.sqrt)
+        self.values = np.stack(values, axis=1)
+        info = np.stack([*parts, *totals], axis=1)
+        return np.add.reduce(info[:, : len(parts)], axis=1), info
+
+    def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
+        """`of` a single row in plain numbers, bit-identical, and its `info` by name."""
+        values = self.values[0].tolist()
+        parts, totals = self._run(period, values, max, math.sqrt)
+        self.values[0] = values
+        self._parts[:] = parts
+        return float(np.add.reduce(self._parts)), dict(zip(self.NAMES, (*self._parts.tolist(), *totals), strict=True))

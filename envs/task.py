@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation, Stack
 from mrdamp.envs.options import Noise, TaskOptions
-from mrdamp.envs.structure import Structure
-from mrdamp.envs.weights import Score
+from mrdamp.envs.structure import Score, Structure
 from mrdamp.errors import Diverged, InputError, diverged, nearest, require_kind, require_positive
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import finite

@@ -20,12 +20,12 @@ from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.beam import search as search_beam
 from mrdamp.compare.bench import UNCONTROLLED, Measure
 from mrdamp.compare.benches import with_bounds
-from mrdamp.compare.cable import CableBench
-from mrdamp.compare.cable import ToCome as CableToCome
 from mrdamp.compare.car import CarBench, weighted_car
 from mrdamp.compare.car import ToCome as CarToCome
 from mrdamp.compare.clairvoyant import Peaks, search
 from mrdamp.compare.comparison import ratio
+from mrdamp.compare.linear import CableBench
+from mrdamp.compare.linear import ToCome as CableToCome
 from mrdamp.compare.rollouts import Rollouts, sensitivity
 from mrdamp.envs.cable import Cable
 from mrdamp.envs.car import Car

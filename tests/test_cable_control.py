@@ -12,8 +12,8 @@ from excitation import Array
 from knowing import Known
 from mrdamp.compare import cable_reference
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.cable import CableBench
 from mrdamp.compare.cable_reference import ControlledCable, semi_active
+from mrdamp.compare.linear import CableBench
 from mrdamp.control.cable import cable_outputs, cable_plant
 from mrdamp.control.clipped_optimal import OptimalForce
 from mrdamp.control.force_control import ForceController

@@ -20,9 +20,9 @@ from mrdamp.commands.controllers import add_to
 from mrdamp.compare import Contender, FrameBench, compare, contenders, tuning
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, coil, score
-from mrdamp.compare.cable import CableBench
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import shipped_policies
+from mrdamp.compare.linear import CableBench
 from mrdamp.compare.page import comparison_page
 from mrdamp.compare.tables import differences_csv
 from mrdamp.control.registry import parse

@@ -18,7 +18,7 @@ from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare, distinct
 from mrdamp.compare.contenders import Contender, contenders
 from mrdamp.compare.dyke1996 import frame_model
-from mrdamp.compare.goals import GoalBench
+from mrdamp.compare.linear import GoalBench
 from mrdamp.control.passive import Replay
 from mrdamp.envs import RecordedMotions, StructureEnv
 from mrdamp.envs.linear import own_kind

@@ -34,7 +34,7 @@ from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.motions import kanai_tajimi
 from mrdamp.structures import ShearFrame, dyke1996
-from mrdamp.train.imitation import Ground
+from mrdamp.train.worlds import Ground
 from refusals import refuses
 
 

@@ -19,7 +19,7 @@ from mrdamp.envs import AmbientLoads, CableEnv, FrameEnv
 from mrdamp.envs.cable import CableReward, free_run
 from mrdamp.envs.car import CarReward, linear_run
 from mrdamp.envs.frame import FrameReward, reference_run
-from mrdamp.envs.weights import Score, Weights
+from mrdamp.envs.structure import Score, Weights
 from mrdamp.model import Model
 from mrdamp.motions import kanai_tajimi
 from mrdamp.structures import ShearFrame
@@ -168,7 +168,7 @@ def test_default_returns_rank_as_the_reported_criteria(
     loads, largest = given.structure.some(np.random.default_rng(5), 4), float(task.command_max[0])
     constants: list[Any] = [Constant(value=u * largest) for u in (0.0, 0.1, 0.25, 0.5, 1.0)]
     returns, criteria = [], []
-    for controller in (*constants, *(given.stage(task, spec).controller for spec in specs)):
+    for controller in (*constants, *(given.stage(task, spec)[1] for spec in specs)):
         total, found = 0.0, np.zeros(len(measures))
         for load in loads:
             task.reset([0], [np.random.default_rng(0)], {given.kind.option: load})

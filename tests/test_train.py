@@ -22,12 +22,11 @@ from mrdamp.envs import training_loads as loads
 from mrdamp.envs.task import episodes
 from mrdamp.model import Effect
 from mrdamp.structures import dyke1996
-from mrdamp.train.imitation import imitated
 from mrdamp.train.learn import train
 from mrdamp.train.run import whitening
 from mrdamp.train.search import EvolutionRun
 from mrdamp.train.settings import Options, settings
-from mrdamp.train.worlds import Judge, forces, world
+from mrdamp.train.worlds import Judge, forces, imitated, world
 from refusals import refuses
 
 pytestmark = pytest.mark.usefixtures("few_validation_motions")
@@ -123,11 +122,11 @@ class Wanting:
 def test_what_is_imitated_is_the_wanted_force_of_the_teacher() -> None:
     frame = world(FRAME, {"period": 0.004, "action_in_observation": False, "duration": 0.8})
     task = frame.task(1)
-    stage = frame.stage(task, "clipped-optimal:balance=30,r=1e-6")
-    assert isinstance(stage.controller, ForceController)
-    stage.controller.aim = Wanting()
+    plant, controller = frame.stage(task, "clipped-optimal:balance=30,r=1e-6")
+    assert isinstance(controller, ForceController)
+    controller.aim = Wanting()
     matrix = np.diag([2.0, 1.0, 1.0, 1.0, 4.0]).astype(np.float32)
-    found = imitated(stage, loads.validation_motions(1, (0.5, 1.5)), task.observer, matrix, 500.0)
+    found = imitated(plant, controller, loads.validation_motions(1, (0.5, 1.5)), task.observer, matrix, 500.0)
     scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
     wanted = [0, 0, 300 * scales["acceleration_3"] / 500, -2000 * scales["stroke"] / 500, 0]
     assert found * np.diag(matrix) == pytest.approx(np.array(wanted), abs=1e-3)

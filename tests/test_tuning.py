@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from excitation import Array
 from mrdamp.compare import tuning
 from mrdamp.compare.bench import UNCONTROLLED, Ranges, score
-from mrdamp.compare.cable import CableBench
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.contenders import shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
+from mrdamp.compare.linear import CableBench
 from mrdamp.control.base import Controller
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.observe import Observer
@@ -30,9 +30,8 @@ from mrdamp.envs.training_loads import TrainingRoads, some_motions
 from mrdamp.errors import InputError
 from mrdamp.model import Effect
 from mrdamp.motions import TIME_SCALE, GroundMotion, kanai_tajimi
-from mrdamp.train.imitation import estimated
 from mrdamp.train.search import Cma, Shape, actions
-from mrdamp.train.worlds import Act, forces, world
+from mrdamp.train.worlds import Act, estimated, forces, world
 from refusals import refuses
 
 BENCH = FrameBench(frame_model())
@@ -206,7 +205,7 @@ def test_states_of_the_observer_are_shares_of_the_wanted_force(environment: str,
     chosen = world(environment, {**seen_alone, "signals": floors} if environment == FRAME else seen_alone)
     observer = estimated(chosen, spec)
     task = chosen.task(1)
-    controller = chosen.stage(task, spec).controller
+    _, controller = chosen.stage(task, spec)
     assert isinstance(controller, ForceController)
     rng, force_max = np.random.default_rng(0), chosen.levels(task).force_max
     own = Observer.from_dict(observer.to_dict())

@@ -22,12 +22,12 @@ import numpy as np
 from mrdamp.compare import tuning
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.benches import PARTS, on_rows, scaled
-from mrdamp.compare.cable import CableBench
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.comparison import Comparison, Summary, difference
 from mrdamp.compare.contenders import contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
+from mrdamp.compare.linear import CableBench
 from mrdamp.compare.tables import markdown, short
 from mrdamp.envs.training_loads import read_motions, unseen_motions
 from mrdamp.files import write_atomic

@@ -202,7 +202,7 @@ MUTANTS = (
     *_some("comfort (ISO 2631-1)", "src/mrdamp/simulation/criteria.py", "env_car",
            ("([w4 * w4 / w3, w4 * w4]", "([w4 / w3, w4 * w4]"),
            ("(2 * math.pi * f for f", "(math.pi * f for f")),
-    *_some("rewards", "envs/weights.py", "env_rewards env_frame env_contract",
+    *_some("rewards", "envs/structure.py", "env_rewards env_frame env_contract",
            ("x - v[self._kept[part.column, part.over, True]]", "v[self._kept[part.column, part.over, True]] - x"),
            ("period[part.column] / v[part.over]", "period[part.column] * v[part.over]"),
            ("power = part.power * self.weights.exponent", "power = self.weights.exponent"),

@@ -25,9 +25,8 @@ from mrdamp.files import together, write_atomic
 from mrdamp.model.core import Array
 from mrdamp.parallel import Progress
 from mrdamp.shown import Shown
-from mrdamp.train.imitation import estimated, imitated, with_ground
 from mrdamp.train.settings import Options, Settings
-from mrdamp.train.worlds import Judge, World, forces, world
+from mrdamp.train.worlds import Judge, World, estimated, forces, imitated, with_ground, world
 
 _EXPLORED = (8, 2500)  # rows and control periods, whole motions of them, that the whitening is taken from
 _HELD = 50  # control periods that an action is held for there
@@ -188,8 +187,8 @@ class Run(ABC):
         """(inputs,) weights whose action is nearest to the teacher's wanted force. Raises InputError."""
         assert self.levels is not None
         loads = self.world.structure.some(np.random.default_rng(self.lessons), _LESSONS)
-        stage = self.world.stage(self.task, self.chosen.teacher)
-        return imitated(stage, loads, self.task.observer, self.matrix, self.levels.force_max)
+        plant, controller = self.world.stage(self.task, self.chosen.teacher)
+        return imitated(plant, controller, loads, self.task.observer, self.matrix, self.levels.force_max)
 
     @abstractmethod
     def save(self) -> None:

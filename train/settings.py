@@ -63,7 +63,7 @@ class Settings:
     evaluated in MuJoCo. n_timesteps: control periods in all. action: `command`, or `force`: the wanted force, which the
     damper's command follows by `ForceLevels`; switch: on/off. estimator: a classical controller, as
     `clipped-optimal:r=1e-9`, whose Kalman filter's states are observed besides. ground: of a Kalman filter of frame
-    and ground that is observed too, see `mrdamp.train.imitation.Ground`, or several; none: no such filter.
+    and ground that is observed too, see `mrdamp.train.worlds.Ground`, or several; none: no such filter.
     normalize: whiten the observations. viscous: `ForceLevels` with the damper's viscous part, which needs the stroke's
     velocity among the signals; ahead: s by signal, that lead that velocity, see `Policy`. teacher: a classical
     controller whose wanted force, as a linear function of the observations, is what the learner begins at; reach:

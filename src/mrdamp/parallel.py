@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from operator import methodcaller
 from pathlib import Path
-from typing import Any, Protocol, TypedDict, TypeVar, Unpack
+from typing import Any, NamedTuple, Protocol, TypedDict, TypeVar, Unpack
 
 import joblib
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
@@ -180,6 +180,19 @@ class Task(Protocol):
 
     def run(self) -> dict[str, Any]:
         """The result, for JSON."""
+
+
+class Job(NamedTuple):
+    """A `Task`. of: hash of all inputs; made: gives the result."""
+
+    of: str
+    made: Callable[[], dict[str, Any]]
+
+    def key(self) -> str:
+        return self.of
+
+    def run(self) -> dict[str, Any]:
+        return self.made()
 
 
 def run_all(tasks: Sequence[Task], what: str = "runs", **how: Unpack[How]) -> list[dict[str, Any]]:

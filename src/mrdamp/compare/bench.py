@@ -151,8 +151,8 @@ class Bench(ABC):
         """With its damper."""
 
     @cached_property
-    def site(self) -> registry.AnySite:
-        """What controllers are made for."""
+    def site(self) -> Any:
+        """What controllers are made for, an `AnySite`."""
         return self.structure.site(self.command_max, self.period)
 
     @abstractmethod

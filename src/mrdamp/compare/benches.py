@@ -6,7 +6,8 @@ import hashlib
 import itertools
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Unpack
 
@@ -16,13 +17,12 @@ from mrdamp import sets
 from mrdamp.compare import clairvoyant
 from mrdamp.compare.beam import WIDTHS
 from mrdamp.compare.bench import Bench, Load
-from mrdamp.compare.cable import CableBench
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.comparison import Comparison, compare, distinct
 from mrdamp.compare.contenders import Contender, contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
-from mrdamp.compare.goals import GoalBench
+from mrdamp.compare.linear import CableBench, GoalBench
 from mrdamp.compare.tuning import Loops, Setting, settings_for
 from mrdamp.control import registry
 from mrdamp.envs.linear import own_kind
@@ -31,31 +31,17 @@ from mrdamp.files import digest
 from mrdamp.model import Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.outside import NAMED
-from mrdamp.parallel import How, run_all
+from mrdamp.parallel import How, Job, run_all
 from mrdamp.structures import dyke1996
 
 _VERSION = 2  # of the search
 
 
-@dataclass(frozen=True)
-class Case:
-    """The searches on a bench for one load at one amplitude. starts: bound -> specs of controllers, the best first."""
-
-    bench: Bench
-    load: Load
-    amplitude: float
-    starts: Mapping[str, tuple[str, ...]]
-
-    def key(self) -> str:
-        specs = {
-            name: [self.bench.key(spec, self.load, self.amplitude) for spec in some]
-            for name, some in self.starts.items()
-        }
-        effort = {**vars(clairvoyant.Effort()), "widths": WIDTHS}
-        return hashlib.sha256(json.dumps([_VERSION, effort, specs]).encode()).hexdigest()[:32]
-
-    def run(self) -> dict[str, Any]:
-        return self.bench.clairvoyant(self.starts, self.load, self.amplitude)
+def _key(bench: Bench, load: Load, amplitude: float, starts: Mapping[str, Sequence[str]]) -> str:
+    """Of the searches for one load at one amplitude."""
+    specs = {name: [bench.key(spec, load, amplitude) for spec in some] for name, some in starts.items()}
+    effort = {**vars(clairvoyant.Effort()), "widths": WIDTHS}
+    return hashlib.sha256(json.dumps([_VERSION, effort, specs]).encode()).hexdigest()[:32]
 
 
 def with_bounds(
@@ -79,11 +65,11 @@ def with_bounds(
         raise InputError(f"compare: bound from {starts} controllers; allowed: 1 or more")
     result = replace(result, base=bench.base)
     result.start_of_way()
-    cases = []
+    jobs = []
     for (i, load), (j, amplitude) in itertools.product(enumerate(loads), enumerate(result.amplitudes)):
         best = {name: _best(result, weights, i, j)[:starts] for name, weights in bench.bounds.items()}
-        cases.append(Case(bench, load, amplitude, best))
-    found = run_all(cases, "bound", **how)
+        jobs.append(Job(_key(bench, load, amplitude, best), partial(bench.clairvoyant, best, load, amplitude)))
+    found = run_all(jobs, "bound", **how)
     shape = 1, len(loads), len(result.amplitudes)
     values = {
         name: {
@@ -93,8 +79,8 @@ def with_bounds(
     }
     rows = tuple(Contender(name, (name,), bound=True) for name in bench.bounds)
     paths = {
-        (case.load.name, case.amplitude): {name: f[name]["paths"] for name in bench.bounds}
-        for case, f in zip(cases, found, strict=True)
+        (load.name, amplitude): {name: f[name]["paths"] for name in bench.bounds}
+        for (load, amplitude), f in zip(itertools.product(loads, result.amplitudes), found, strict=True)
     }
     return replace(
         result,
@@ -125,24 +111,10 @@ def scaled(model: Model, part: str, factor: float) -> Model:
     return replace(model, structure=replace(model.structure, **{part: factor * getattr(model.structure, part)}))
 
 
-class _Case(NamedTuple):
-    """A controller, all of its seeds, on rows of one of several structures."""
-
-    bench: FrameBench
-    row: Contender
-    loads: tuple[GroundMotion, ...]
-    amplitudes: tuple[float, ...]
-
-    def key(self) -> str:
-        cases = itertools.product(self.row.specs, self.loads, self.amplitudes)
-        return digest(["rows", *(self.bench.key(*case) for case in cases)])
-
-    def run(self) -> dict[str, Any]:
-        loads = [self.bench.played(load, a) for load in self.loads for a in self.amplitudes]
-        found = Loops(self.bench, loads, len(self.row.specs)).run(
-            [self.bench.controller(spec) for spec in self.row.specs]
-        )
-        return {key: values.tolist() for key, values in found.items()}
+def _on_rows(bench: FrameBench, specs: Sequence[str], loads: Sequence[GroundMotion]) -> dict[str, Any]:
+    """Measures of a controller, all of its seeds, under loads as the frame feels them."""
+    found = Loops(bench, loads, len(specs)).run([bench.controller(spec) for spec in specs])
+    return {key: values.tolist() for key, values in found.items()}
 
 
 def on_rows(
@@ -154,8 +126,12 @@ def on_rows(
 ) -> dict[str, Comparison]:
     """Comparisons on several benches, whose measures are those that make the objective."""
     shape = len(loads), len(amplitudes)
-    tasks = [_Case(bench, row, tuple(loads), tuple(amplitudes)) for bench in benches.values() for row in rows]
-    results = iter(run_all(tasks, "structures", **how))
+    jobs = []
+    for bench, row in itertools.product(benches.values(), rows):
+        key = digest(["rows", *(bench.key(*case) for case in itertools.product(row.specs, loads, amplitudes))])
+        played = [bench.played(load, a) for load in loads for a in amplitudes]
+        jobs.append(Job(key, partial(_on_rows, bench, row.specs, played)))
+    results = iter(run_all(jobs, "structures", **how))
     found = {}
     for name, bench in benches.items():
         values = {

@@ -7,9 +7,10 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from scipy.optimize import differential_evolution
@@ -22,7 +23,7 @@ from mrdamp.envs.task import Task, episodes
 from mrdamp.errors import Diverged, InputError
 from mrdamp.files import digest, write_atomic
 from mrdamp.model.core import Array
-from mrdamp.parallel import How, run_all
+from mrdamp.parallel import How, Job, run_all
 
 #: Of the options' range: members for each option in a generation. The search ends where the scores of a generation
 #: are as near to each other as this, or after the budget.
@@ -32,23 +33,12 @@ _FAILED = 10.0  # score of a setting that no controller can be made of
 _SEED = 47
 
 
-class Run(NamedTuple):
-    """One run of a bench."""
-
-    bench: Bench
-    spec: str
-    load: Load
-    amplitude: float
-
-    def key(self) -> str:
-        return self.bench.key(self.spec, self.load, self.amplitude)
-
-    def run(self) -> dict[str, Any]:
-        try:
-            return self.bench.run(self.spec, self.load, self.amplitude)
-        except Diverged as error:
-            what = f"controller {self.spec} under {self.load.name} at amplitude {self.amplitude:g}"
-            raise InputError(f"{what}: {error}") from None
+def _ran(bench: Bench, spec: str, load: Load, amplitude: float) -> dict[str, Any]:
+    """What is kept of a run."""
+    try:
+        return bench.run(spec, load, amplitude)
+    except Diverged as error:
+        raise InputError(f"controller {spec} under {load.name} at amplitude {amplitude:g}: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -71,7 +61,8 @@ def run_grid(
 ) -> dict[str, list[Mapping[str, float]]]:
     """Every measure of every spec on every case of load and amplitude."""
     rows = list(dict.fromkeys([UNCONTROLLED, *specs]))
-    tasks = [Run(bench, spec, load, amplitude) for spec in rows for load, amplitude in cases]
+    runs = [(spec, *case) for spec in rows for case in cases]
+    tasks = [Job(bench.key(*run), partial(_ran, bench, *run)) for run in runs]
     found = run_all(tasks, what, **how)
     parts = [found[k : k + len(cases)] for k in range(0, len(found), len(cases))]
     return {
@@ -207,24 +198,18 @@ class _Spent(Exception):
     """The budget is used up."""
 
 
-class _Tuning(NamedTuple):
-    """The search for the settings of a kind on a bench."""
-
-    bench: Bench
-    kind: str
-
-    def key(self) -> str:
-        bench, kind = self
-        return digest(["tuning", bench.identity(), kind, dict(bench.ranges(kind)), bench.effort(kind)])
-
-    def run(self) -> dict[str, Any]:
-        return vars(Search(self.bench, self.kind).run())
+def _searched(bench: Bench, kind: str) -> dict[str, Any]:
+    return vars(Search(bench, kind).run())
 
 
 def tune(bench: Bench, names: Sequence[str] | None = None, **how: Unpack[How]) -> dict[str, Setting]:
     """The best setting of each named controller, of all that are tuned by default."""
     kinds = {name: bench.tuned[name] for name in (bench.tuned if names is None else names)}
-    found = run_all([_Tuning(bench, kind) for kind in kinds.values()], "tuning", **how)
+    jobs = []
+    for kind in kinds.values():
+        key = digest(["tuning", bench.identity(), kind, dict(bench.ranges(kind)), bench.effort(kind)])
+        jobs.append(Job(key, partial(_searched, bench, kind)))
+    found = run_all(jobs, "tuning", **how)
     return {name: Setting(**setting) for name, setting in zip(kinds, found, strict=True)}
 
 
