@@ -22,7 +22,7 @@ from mrdamp.envs.options import model_of
 from mrdamp.envs.plant_env import PlantEnv, RowPlant
 from mrdamp.envs.structure import Part, Total, Weights, of_dampers
 from mrdamp.envs.task import KindTask, Task
-from mrdamp.envs.training_loads import CableLoads, validation_loads
+from mrdamp.envs.training_loads import VALIDATION_SEED, CableLoads
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -199,7 +199,7 @@ class Cable(ByMatrices):
         return CableLoads(_DRAWN).some(rng, count, self.cable.length, spread=spread)
 
     def validation(self) -> list[CableLoad]:
-        return validation_loads(self.cable.length)
+        return CableLoads().some(np.random.default_rng([VALIDATION_SEED, 2]), 12, self.cable.length)
 
     def site(self, command_max: float, period: float, force_max: float | None = None) -> CableSite:
         """By default of a slow motion of 1 % of the damper's distance from the anchorage."""

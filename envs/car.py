@@ -19,14 +19,13 @@ from mrdamp.envs.frame_xml import CarView, car_xml, frame_models
 from mrdamp.envs.loads import IsoRoads, RoadSource
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plant_env import PlantEnv, RowPlant
-from mrdamp.envs.structure import Part, Structure, Total, Weights, largest_force, of_dampers
+from mrdamp.envs.structure import Part, Structure, Total, Weights, floor_names, largest_force, of_dampers
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import TrainingRoads, validation_roads
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.simulation.criteria import wk
-from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.simulation.roads import Road, read_road
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.frames import QuarterCar
@@ -160,11 +159,7 @@ class Car(Structure):
         """The car as a frame."""
         return self.car.frame
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        whats = ("acceleration", "displacement", "velocity", "drift")
-        return (*(f"{what}_{j}" for what in whats for j in (1, 2)), *SIGNALS[:-1])
-
+    names = floor_names(2, 1)
     load_names = ("road",)
 
     def mjcf(self, timestep: float, *, drawn: bool = False) -> str:

@@ -18,14 +18,13 @@ from mrdamp.envs.frame_rows import FrameChain, FrameRows
 from mrdamp.envs.frame_xml import FrameView, Position, frame_models, frame_xml
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut, played
 from mrdamp.envs.plant_env import PlantEnv, RowPlant
-from mrdamp.envs.structure import Part, Structure, Total, Weights, largest_force, of_dampers
+from mrdamp.envs.structure import Part, Structure, Total, Weights, floor_names, largest_force, of_dampers
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import some_motions, training_motions, validation_motions
 from mrdamp.errors import InputError, require_kind, require_one_of, require_positive
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
-from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.structures import ShearFrame
 
 _PARTS, _TOTALS = of_dampers(2, energy=2)
@@ -180,9 +179,7 @@ class Frame(Structure):
 
     @property
     def names(self) -> tuple[str, ...]:
-        whats, floors = ("acceleration", "displacement", "velocity", "drift"), range(1, self.frame.storeys + 1)
-        own = (sensor_name(s, k) for s in SIGNALS[:-1] for k in range(len(self.models)))
-        return (*(f"{what}_{j}" for what in whats for j in floors), *own)
+        return floor_names(self.frame.storeys, len(self.models))
 
     load_names = ("ground",)
 

@@ -152,8 +152,9 @@ class CarRows(FrameRows):
         self.weighted[row] = 0.0
 
     def _load(self, heights: Array) -> Array:
-        """(samples,) m/s2 at the steps."""
-        return road_acceleration(heights, self.plants.timestep)
+        """(samples,) m/s2 at the steps that take the engine from height to height (samples + 1,) m, from rest."""
+        velocity = np.diff(heights, prepend=heights[0]) / self.plants.timestep
+        return np.asarray(np.diff(velocity) / self.plants.timestep)
 
     def _heights(self, road: Road) -> Array:
         """(samples + 1,) m."""
@@ -180,12 +181,6 @@ class CarRows(FrameRows):
     def _put_back(self, row: int, beside: Any) -> None:
         super()._put_back(row, beside[0])
         self.weighted[row], self.roads[row] = beside[1:]
-
-
-def road_acceleration(heights: Array, step: float) -> Array:
-    """(samples,) m/s2 that take the engine from height to height (samples + 1,) m, every step (s), from rest."""
-    velocity = np.diff(heights, prepend=heights[0]) / step
-    return np.asarray(np.diff(velocity) / step)
 
 
 #: s, resolution of peaks within longer steps: the engine's own step in the frame.

@@ -143,13 +143,10 @@ class FrameView(View):
                 m.geom_group[k] = 5  # the rigid columns: leaning ones are drawn in their place
         m.mat("brace").rgba = _BRACE  # no orange but the current's
         if structure.storeys > 3:  # further away, and aimed at half the height
-            top = self._height()
+            mujoco.mj_kinematics(self.model, self.data)
+            top = float(self.data.xpos[self.floors[-1], 2])
             for name in ("front", "corner"):
                 m.camera(name).pos *= top / 1.66
-
-    def _height(self) -> float:
-        mujoco.mj_kinematics(self.model, self.data)
-        return float(self.data.xpos[self.floors[-1], 2])
 
     def pose(self, qpos: Array, exaggeration: float) -> None:
         # The row's first joint is the table's; here it stays where it is.

@@ -201,8 +201,10 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             return None
         if self._view is None:
             self._view = self.task.structure.view(self.task, *self._drawing)
-        larger = self.exaggeration or self.task.structure.drawn_size / self.task.reference_motion(0)
-        self._view.update(self.task.rows.position(0), larger, self.task.current_shares(0))
+        task = self.task
+        larger = self.exaggeration or task.structure.drawn_size / task.structure.reference_motion(task.score.values[0])
+        currents = [k for k, name in enumerate(task.rows.names) if re.fullmatch(r"current(_\d+)?", name)]
+        self._view.update(task.rows.position(0), larger, (task.measured[0, currents] / task.command_max).tolist())
         if self.render_mode == "rgb_array":
             return self._view.image()
         self._view.show(self.task.rows.period)

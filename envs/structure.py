@@ -13,10 +13,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamp.control.base import sensor_name
+from mrdamp.control.force_levels import sine_forces
 from mrdamp.envs.randomise import varied
 from mrdamp.errors import InputError, require_kind
-from mrdamp.model import Model, core
+from mrdamp.model import Model
 from mrdamp.model.core import Array
+from mrdamp.simulation.mjcf import SIGNALS
 
 if TYPE_CHECKING:
     from mrdamp.control.registry import AnySite
@@ -156,12 +159,16 @@ class Structure(ABC):
         return replace(self, **{name: varied(part, drawn) for name, part in self.parts().items()})  # type: ignore[type-var]
 
 
+def floor_names(storeys: int, dampers: int) -> tuple[str, ...]:
+    """Measurements of a frame: those of every floor or storey, then those of every damper."""
+    whats, floors = ("acceleration", "displacement", "velocity", "drift"), range(1, storeys + 1)
+    own = (sensor_name(signal, k) for signal in SIGNALS[:-1] for k in range(dampers))
+    return (*(f"{what}_{j}" for what in whats for j in floors), *own)
+
+
 def largest_force(model: Model, stroke: float, w: float, command: float) -> float:
     """N, of the damper moved by a sine of `stroke` (m) and w (rad/s) at a command."""
-    t = np.linspace(0.0, 4 * math.pi / w, 801)
-    x, v = stroke * np.sin(w * t), stroke * w * np.cos(w * t)
-    out = core.run(model.law, model.attributes, float(t[1]), x, v, u=command, narx=model.narx)
-    largest = float(np.abs(out["force"]).max())
+    largest = float(sine_forces(model, stroke, w, command).max())
     return largest if largest > 0 else 1.0
 
 

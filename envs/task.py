@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
@@ -99,7 +98,6 @@ class Task:
         # As plain numbers, for `step_one`.
         self._columns: list[int] = self._observed.tolist()
         self._largest: list[float] = command_max.tolist()
-        self._currents = [k for k, name in enumerate(rows.names) if re.fullmatch(r"current(_\d+)?", name)]
         self.measured: Array = np.zeros((self.n, len(rows.names)))
         self.happened: Array = np.zeros((self.n, 0))
         self._stack = Stack(observer, self.n)
@@ -123,14 +121,6 @@ class Task:
         if running and self.over.any():
             rows = f" in rows {np.flatnonzero(self.over).tolist()}" if self.n > 1 else ""
             raise ResetNeeded(f"step: the episode is over{rows}; call reset")
-
-    def reference_motion(self, row: int) -> float:
-        """Size (m) of the row's motion without a damper."""
-        return self.structure.reference_motion(self.score.values[row])
-
-    def current_shares(self, row: int) -> list[float]:
-        """Of each damper's current in its largest, now."""
-        return (self.measured[row, self._currents] / self.command_max).tolist()  # type: ignore[no-any-return]
 
     def begin(
         self, row: int, rng: np.random.Generator, options: Mapping[str, Any], fixed: Mapping[str, float] | None = None

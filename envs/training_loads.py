@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from mrdamp.envs.loads import (
     AmbientLoads,
     Bumps,
-    CableLoad,
     IsoRoads,
     LoadSource,
     MixedMotions,
@@ -169,11 +168,6 @@ class CableLoads(_Lasting):
     def sources(self) -> tuple[LoadSource, ...]:
         d = self.duration
         return WindLoads(duration=d), AmbientLoads(duration=d), AmbientLoads(shape="uniform", duration=d)
-
-
-def validation_loads(length: float, count: int = 12) -> list[CableLoad]:
-    """count loads on a cable of `length` m, drawn apart from those of training."""
-    return CableLoads().some(np.random.default_rng([VALIDATION_SEED, 2]), count, length)
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,17 @@ class Front(BaseFeaturesExtractor):
         return observations[..., : self.features_dim]
 
 
+class _OnFront:
+    """Mixin of policies whose actor is built on the first `front` features."""
+
+    def __init__(self, *arguments: Any, front: int, **named: Any) -> None:
+        self._front = front
+        super().__init__(*arguments, **named)
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "front": self._front}  # type: ignore[misc]
+
+
 class SplitNetworks(nn.Module):
     """Hidden layers of an actor on the first `front` features and of a critic on all `width`."""
 
@@ -61,15 +72,11 @@ class SplitNetworks(nn.Module):
         return found
 
 
-class AsymmetricOnPolicy(ActorCriticPolicy):
+class AsymmetricOnPolicy(_OnFront, ActorCriticPolicy):
     """For PPO and A2C. front: k; net_arch: {pi: [...], vf: [...]} or one list for both.
 
     averaged: the actor's mean over the last updates, which noise in the gradients moves less: what is exported.
     """
-
-    def __init__(self, *arguments: Any, front: int, **named: Any) -> None:
-        self._front = front
-        super().__init__(*arguments, **named)
 
     def _build_mlp_extractor(self) -> None:
         arch = self.net_arch
@@ -91,39 +98,24 @@ class AsymmetricOnPolicy(ActorCriticPolicy):
             for held, now in zip(self.averaged.parameters(), self._actor.parameters(), strict=True):
                 held.lerp_(now, fresh)
 
-    def _get_constructor_parameters(self) -> dict[str, Any]:
-        return {**super()._get_constructor_parameters(), "front": self._front}
 
-
-class AsymmetricRecurrent(RecurrentActorCriticPolicy):
+class AsymmetricRecurrent(_OnFront, RecurrentActorCriticPolicy):
     """For RecurrentPPO: the memory is the actor's alone; the critic observes the state and needs none."""
 
     def __init__(
         self, observation_space: Box, action_space: Any, lr_schedule: Any, front: int, **named: Any
     ) -> None:
         own = {**named, "share_features_extractor": False, "enable_critic_lstm": False}
-        super().__init__(observation_space, action_space, lr_schedule, **own)
-        self._front = front
+        super().__init__(observation_space, action_space, lr_schedule, front=front, **own)
         self.pi_features_extractor = Front(observation_space, front)
         self.lstm_actor = nn.LSTM(front, self.lstm_output_dim, **self.lstm_kwargs)
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
 
-    def _get_constructor_parameters(self) -> dict[str, Any]:
-        return {**super()._get_constructor_parameters(), "front": self._front}
-
-
-class _FrontActor:
-    """Mixin of policies with a separate actor: it is built on the first `front` features."""
-
-    def __init__(self, *arguments: Any, front: int, **named: Any) -> None:
-        self._front = front
-        super().__init__(*arguments, **named)
+class _FrontActor(_OnFront):
+    """The same of a separate actor."""
 
     def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> Any:
         return super().make_actor(Front(self.observation_space, self._front))  # type: ignore[misc, attr-defined]
-
-    def _get_constructor_parameters(self) -> dict[str, Any]:
-        return {**super()._get_constructor_parameters(), "front": self._front}  # type: ignore[misc]
 
 
 class AsymmetricSac(_FrontActor, SACPolicy):

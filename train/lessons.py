@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from mrdamp.control.policy import Policy
+from mrdamp.envs.structure import OF_DAMPERS
 from mrdamp.envs.task import Task, begun
 from mrdamp.model.core import Array
 from mrdamp.train.worlds import World, forces
@@ -198,7 +199,8 @@ class Lessons(VecEnvWrapper):
         base = self._costs[self._first[self._load] + self._t]
         reward = base - cost
         if self._price:
-            reward -= self._price * self._world.current_of(period) / self._task.rows.steps
+            share = period[:, OF_DAMPERS.index("share") - len(OF_DAMPERS)]
+            reward -= self._price * share / self._task.rows.steps
         self._t += 1
         over = np.flatnonzero(done).tolist()
         for row in over:  # nothing comes after the load: what is left is worth nothing, and is not to be estimated

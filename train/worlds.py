@@ -27,7 +27,7 @@ from mrdamp.envs.frame import Frame
 from mrdamp.envs.linear import own_kind
 from mrdamp.envs.plant_env import RowPlant
 from mrdamp.envs.randomise import Randomise
-from mrdamp.envs.structure import OF_DAMPERS, Structure
+from mrdamp.envs.structure import Structure
 from mrdamp.envs.task import Task, divided, episodes
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model.core import Array
@@ -68,11 +68,6 @@ class World:
         totals = {total.name: total for total in self.kind.weights.totals}
         used = [totals[name] for name in self.criteria]
         return np.stack([period[:, t.column] ** (0.5 if t.how == "rms" else 1.0) for t in used], axis=1)
-
-    @staticmethod
-    def current_of(period: Array) -> Array:
-        """(n,) mean current over its largest, from what happened in a control period, (n, ...)."""
-        return np.asarray(period[:, OF_DAMPERS.index("share") - len(OF_DAMPERS)])
 
     def observing(self, observer: Observer) -> Self:
         """The same with another observer."""

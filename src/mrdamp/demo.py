@@ -336,30 +336,24 @@ def _frame_pictures(
     page: Page, ground: GroundMotion, runs: dict[str, FrameRun], criteria: dict[str, Criteria], unit: str
 ) -> None:
     time = runs[UNCONTROLLED].time
-    page.figure(
-        "",
-        pictures.controllers(criteria, unit),
-        "Each controller over the frame without a damper.",
-        "Bars of peak drift, acceleration and force by controller.",
-    )
-    page.figure(
-        "",
-        pictures.profile(criteria, ground.pga),
-        "Peaks over the height.",
-        "Peak drift and acceleration by floor.",
-    )
-    page.figure(
-        "",
-        pictures.drifts(time, {name: r.drift for name, r in runs.items()}),
-        "Storey drifts.",
-        "Storey drifts over time under each controller.",
-    )
     driven = {name: r for name, r in runs.items() if name in ("clipped-optimal", "force-tracking")}
-    page.figure(
-        "",
-        pictures.command_history(
-            time, {n: r.command for n, r in driven.items()}, {n: r.force for n, r in driven.items()}, unit
+    commands, forces = ({n: getattr(r, what) for n, r in driven.items()} for what in ("command", "force"))
+    for drawn, caption, alternative in (
+        (
+            pictures.controllers(criteria, unit),
+            "Each controller over the frame without a damper.",
+            "Bars of peak drift, acceleration and force by controller.",
         ),
-        "Commands of clipped-optimal and force tracking, and the resulting forces.",
-        "Command and force over time.",
-    )
+        (pictures.profile(criteria, ground.pga), "Peaks over the height.", "Peak drift and acceleration by floor."),
+        (
+            pictures.drifts(time, {name: r.drift for name, r in runs.items()}),
+            "Storey drifts.",
+            "Storey drifts over time under each controller.",
+        ),
+        (
+            pictures.command_history(time, commands, forces, unit),
+            "Commands of clipped-optimal and force tracking, and the resulting forces.",
+            "Command and force over time.",
+        ),
+    ):
+        page.figure("", drawn, caption, alternative)

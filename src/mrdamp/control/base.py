@@ -45,6 +45,13 @@ class Controller(Protocol):
         """Command (A or V, as the damper's parameters) from the measurements y at time t (s); of m dampers (m,)."""
 
 
+class Memoryless:
+    """Base of what has nothing to forget."""
+
+    def reset(self) -> None:
+        """Nothing."""
+
+
 def sensor_name(signal: str, k: int) -> str:
     """Of damper k's signal, from 0: `force`, `force_2` .."""
     return signal if k == 0 else f"{signal}_{k + 1}"

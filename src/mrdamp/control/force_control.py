@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from mrdamp.control.base import OWN, of_damper
+from mrdamp.control.base import OWN, Memoryless, of_damper
 from mrdamp.control.lqg import Linear, linear
 from mrdamp.errors import require_positive
 from mrdamp.structures import ShearFrame
@@ -102,16 +102,13 @@ def for_each(make: Callable[[], Follower], dampers: int) -> Follower:
 
 
 @dataclass(frozen=True)
-class Resisting:
+class Resisting(Memoryless):
     """The full command wherever the force has the sign of the wanted one, whatever its size. command_max: A or V."""
 
     command_max: float
 
     def __post_init__(self) -> None:
         require_positive("controller", **vars(self))
-
-    def reset(self) -> None:
-        """Nothing to forget."""
 
     def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> float:
         return self.command_max * (wanted * y["force"] > 0)
@@ -166,13 +163,10 @@ class Tracking:
 
 
 @dataclass(frozen=True)
-class Direct:
+class Direct(Memoryless):
     """The wanted force itself, N: for an ideal actuator that can push as well, the bound no damper reaches."""
 
     force_max: float = math.inf  # N
-
-    def reset(self) -> None:
-        """Nothing to forget."""
 
     def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> Any:
         return np.minimum(np.maximum(wanted, -self.force_max), self.force_max)

@@ -25,6 +25,14 @@ _REACH = 10.0  # of a wanted force over the damper's, for on/off
 _SOFT = 1e-4  # of the largest force and command, for on/off
 
 
+def sine_forces(model: Model, stroke: float, w: float, command: float) -> Array:
+    """(801,) N, the size of a damper's force over two periods of a sine of `stroke` (m) and w (rad/s), from rest."""
+    t = np.linspace(0.0, 4 * math.pi / w, 801)
+    x, v = stroke * np.sin(w * t), stroke * w * np.cos(w * t)
+    out = core.run(model.law, model.attributes, float(t[1]), x, v, u=command, narx=model.narx)
+    return np.abs(np.asarray(out["force"], dtype=np.float64))
+
+
 @dataclass(frozen=True)
 class ForceLevels:
     """A static inverse of an MR damper: the level of its force, N, at each of some commands, A or V.
@@ -101,13 +109,10 @@ class ForceLevels:
         The largest forces of the two are extrapolated to no motion. viscous: with `damping`, from the forces at the
         largest velocity, which hold no spring's part. Raises InputError where the force does not rise with the command.
         """
-        t = np.linspace(0.0, 4 * math.pi / w, 801)
         commands = np.linspace(0.0, command_max, _COMMANDS)
 
         def largest(size: float, u: float) -> float:
-            x, v = size * np.sin(w * t), size * w * np.cos(w * t)
-            out = core.run(model.law, model.attributes, float(t[1]), x, v, u=u, narx=model.narx)
-            found = np.abs(np.asarray(out["force"], dtype=np.float64)[400:])
+            found = sine_forces(model, size, w, u)[400:]
             return float(found[200] if viscous else found.max())
 
         half, whole = (np.array([largest(share * stroke, u) for u in commands]) for share in (0.5, 1.0))

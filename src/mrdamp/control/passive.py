@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrdamp.control.base import Memoryless
 from mrdamp.errors import InputError, require_positive
 
 
 @dataclass(frozen=True)
-class Constant:
+class Constant(Memoryless):
     """The same command at all times. value: A or V; period: s. Raises InputError."""
 
     value: float
@@ -24,9 +25,6 @@ class Constant:
         if not math.isfinite(self.value):
             raise InputError(f"controller {self.name}: value is {self.value}; allowed: a finite number")
         require_positive(f"controller {self.name}", period=self.period)
-
-    def reset(self) -> None:
-        """Nothing to forget."""
 
     def command(self, t: float, y: Mapping[str, float]) -> float:
         return self.value

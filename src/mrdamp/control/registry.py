@@ -192,17 +192,9 @@ def balanced(frame: ShearFrame, balance: float) -> dict[str, float]:
 Builder = Callable[[Any, Mapping[str, float]], Controller]
 
 
-def _optimal(site: AnySite, o: Mapping[str, float]) -> Controller:
-    return clipped_optimal(site.linear, o["level"] * site.command_max, site.period, **site.lqg(o))
-
-
 def _modulated(site: AnySite, o: Mapping[str, float]) -> Controller:
     largest = site.force_max if math.isnan(o["force_max"]) else o["force_max"]
     return modulated_optimal(site.linear, site.command_max, largest, site.period, **site.lqg(o))
-
-
-def _tracking(site: AnySite, o: Mapping[str, float]) -> Controller:
-    return force_tracking(site.linear, site.inverse(), **site.lqg(o))
 
 
 def _lyapunov(site: AnySite, o: Mapping[str, float]) -> Controller:
@@ -217,10 +209,6 @@ def _constant(site: AnySite, o: Mapping[str, float]) -> Controller:
     return Constant(o["value"], f"constant {o['value']:g}", site.period)
 
 
-def _dissipating(site: AnySite, o: Mapping[str, float]) -> Controller:
-    return max_dissipation(site.linear, o["level"] * site.command_max, o["noise_ratio"], site.period)
-
-
 def _skyhook(site: AnySite, o: Mapping[str, float]) -> Controller:
     damping, leak = (None if math.isnan(o[key]) else o[key] for key in ("damping", "leak"))
     return skyhook(site.linear, o["level"] * site.command_max, damping, leak, site.period)
@@ -232,13 +220,19 @@ BUILDERS: Mapping[str, tuple[Builder, str]] = {
     "passive-on": (lambda site, o: passive_on(site.command_max, site.period), "the largest command"),
     "constant": (_constant, "the same command at all times"),
     "clipped-optimal": (
-        _optimal,
+        lambda site, o: clipped_optimal(site.linear, o["level"] * site.command_max, site.period, **site.lqg(o)),
         "LQG force with on/off switching; by default as Dyke et al. 1996; level: command that is on, over the largest",
     ),
     "modulated-optimal": (_modulated, "LQG force with a command in proportion to it"),
-    "force-tracking": (_tracking, "LQG force through the damper's inverse model"),
+    "force-tracking": (
+        lambda site, o: force_tracking(site.linear, site.inverse(), **site.lqg(o)),
+        "LQG force through the damper's inverse model",
+    ),
     "lyapunov": (_lyapunov, "on where the force takes a Lyapunov function down"),
-    "max-dissipation": (_dissipating, "on where the force resists the damper's motion"),
+    "max-dissipation": (
+        lambda site, o: max_dissipation(site.linear, o["level"] * site.command_max, o["noise_ratio"], site.period),
+        "on where the force resists the damper's motion",
+    ),
     "skyhook": (_skyhook, "a dashpot to a fixed point in space, with on/off switching"),
     IDEAL: (
         lambda site, o: ideal_active(site.linear, site.period, **site.lqg(o)),
