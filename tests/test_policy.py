@@ -21,9 +21,8 @@ from mrdamp.compare.contenders import contenders, shipped_policies
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.force_levels import ForceLevels, LeastCommand
-from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.policy import VELOCITY, Policy
+from mrdamp.control.policy import VELOCITY, Network, Policy
 from mrdamp.control.told import told
 from mrdamp.envs import FramePlant, default_damper
 from mrdamp.envs.car import car_damper

@@ -22,9 +22,8 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from tensorboard.util.tensor_util import make_ndarray
 
 from mrdamp.control.force_levels import ForceLevels
-from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.policy import Policy
+from mrdamp.control.policy import Network, Policy
 from mrdamp.envs.frame import FrameTask
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.envs.task import Task

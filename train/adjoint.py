@@ -21,9 +21,8 @@ from scipy.linalg import block_diag
 
 from mrdamp.compare.contenders import shipped_policies
 from mrdamp.control.force_levels import ForceLevels, LeastCommand
-from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.policy import Policy
+from mrdamp.control.policy import Network, Policy
 from mrdamp.envs.frame import Frame
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic

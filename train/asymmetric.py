@@ -20,7 +20,7 @@ from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
 from torch import nn
 
-from mrdamp.control.networks import Memory, Network
+from mrdamp.control.policy import Memory, Network
 from mrdamp.errors import InputError
 
 _ACTIVATIONS = {"Tanh": "tanh", "ReLU": "relu", "ELU": "elu"}

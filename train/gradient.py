@@ -17,7 +17,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 from torch import nn
 
-from mrdamp.control.networks import Memory, Network
+from mrdamp.control.policy import Memory, Network
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic

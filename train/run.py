@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.force_levels import ForceLevels, LeastCommand
-from mrdamp.control.networks import Memory, Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.policy import VELOCITY, Policy, velocities
+from mrdamp.control.policy import VELOCITY, Memory, Network, Policy, velocities
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.errors import InputError

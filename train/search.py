@@ -15,7 +15,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.control.networks import Network
+from mrdamp.control.policy import Network
 from mrdamp.envs.task import episodes
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
