@@ -214,9 +214,7 @@ class Cable(ByMatrices):
         require_kind("a CableLoad", CableLoad, load=load)
         return load
 
-    def reference(
-        self, given: Array, load: CableLoad, timestep: float, weights: CableReward, command_max: float, period: float
-    ) -> Array:
+    def reference(self, given: Array, load: CableLoad, task: Task) -> Array:
         return free_run(self.cable, given, load.sample_time)
 
     def told(self, load: CableLoad, reference: Sequence[float] | Array) -> dict[str, Any]:

@@ -204,10 +204,8 @@ class Car(Structure):
     def forces(self, load: Road) -> Array:
         return load.height[:, None]
 
-    def reference(
-        self, given: Array, load: Road, timestep: float, weights: CarReward, command_max: float, period: float
-    ) -> Array:
-        return reference_run(self.car, given, timestep)
+    def reference(self, given: Array, load: Road, task: Task) -> Array:
+        return reference_run(self.car, given, task.rows.plants.timestep)
 
     def told(self, load: Road, reference: Sequence[float] | Array) -> dict[str, Any]:
         names = ("reference_acceleration", "reference_load", "reference_stroke")

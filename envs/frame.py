@@ -227,10 +227,9 @@ class Frame(Structure):
             raise InputError("reward: reference passive-on is for one damper; allowed here: uncontrolled")
         return weights
 
-    def reference(
-        self, given: Array, load: GroundMotion, timestep: float, weights: FrameReward, command_max: float, period: float
-    ) -> Sequence[float]:
-        return reference_run(self.models[0], given, timestep, weights.reference, command_max)
+    def reference(self, given: Array, load: GroundMotion, task: Task) -> Sequence[float]:
+        step, kind, largest = task.rows.plants.timestep, task.weights.reference, float(task.command_max[0])
+        return reference_run(self.models[0], given, step, kind, largest)
 
     def told(self, load: GroundMotion, reference: Sequence[float] | Array) -> dict[str, Any]:
         found = {"reference_drift": reference[0], "reference_acceleration": reference[1]}

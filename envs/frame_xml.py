@@ -297,15 +297,7 @@ def animate(
         pictures.append(whole)
     moving, still = io.BytesIO(), io.BytesIO()
     duration = round(1000 / clip.rate)
-    pictures[0].save(
-        moving,
-        "webp",
-        save_all=True,
-        append_images=pictures[1:],
-        duration=duration,
-        loop=0,
-        quality=45,
-        method=4,
-    )
+    film = {"save_all": True, "append_images": pictures[1:], "duration": duration, "loop": 0}
+    pictures[0].save(moving, "webp", quality=45, method=4, **film)
     pictures[0].save(still, "webp", quality=60)
     return Animation(moving.getvalue(), still.getvalue(), *pictures[0].size)

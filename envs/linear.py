@@ -288,10 +288,8 @@ class LinearStructure(ByMatrices, metaclass=_Kind):
             return drawn(source, rng)
         return given if self.option != "motion" else played(given, compression)
 
-    def reference(
-        self, given: Array, load: Any, timestep: float, weights: Any, command_max: float, period: float
-    ) -> Array:
-        return self.uncontrolled(load, period)
+    def reference(self, given: Array, load: Any, task: Task) -> Array:
+        return self.uncontrolled(load, task.rows.period)
 
     def uncontrolled(self, load: Any, period: float = 0.0) -> Array:
         """(goals,) mean squares or peaks without the damper, over the control periods (s) of a run, the last of which

@@ -124,11 +124,8 @@ class Structure(ABC):
         return ""
 
     @abstractmethod
-    def reference(
-        self, given: Array, load: Any, timestep: float, weights: Any, command_max: float, period: float
-    ) -> Sequence[float] | Array:
-        """What the reward is relative to. given: of `EngineRows.start`; timestep: of the rows, period: of control, s.
-        Raises InputError."""
+    def reference(self, given: Array, load: Any, task: Task) -> Sequence[float] | Array:
+        """What the reward of a task is relative to. given: of `EngineRows.start`. Raises InputError."""
 
     @abstractmethod
     def told(self, load: Any, reference: Sequence[float] | Array) -> dict[str, Any]:

@@ -134,13 +134,12 @@ class Task:
         drawn = rows.draw(row, rng, fixed)
         if self._own_noise:
             rows.seed(row, rng)
-        given, own, step = rows.start(row, load), rows.of(row).structure, rows.plants.timestep
-        largest, period = float(self.command_max[0]), rows.period
+        given, own = rows.start(row, load), rows.of(row).structure
         key = hashlib.blake2b(given.tobytes() + repr(drawn).encode(), digest_size=16).digest()
         if key not in self._references:
             if len(self._references) >= _KEPT:
                 self._references.clear()
-            self._references[key] = own.reference(given, load, step, self.weights, largest, period)
+            self._references[key] = own.reference(given, load, self)
         reference = self._references[key]
         self.score.start(row, reference, int(rows.steps[row]))
         told = whole.told(load, reference)

@@ -79,16 +79,12 @@ class Learning:
         key = "".join(json.dumps(simulator.to_dict(), sort_keys=True) for simulator in simulators)
         folder = self.folder / hashlib.sha256(key.encode()).hexdigest()[:12]
         folder.mkdir(parents=True, exist_ok=True)
-        files = [folder / f"model_{k + 1}.json" for k in range(1, len(simulators))]
-        files = [folder / "model.json", *files]
+        files = [folder / (f"model_{k + 1}.json" if k else "model.json") for k in range(len(simulators))]
         for simulator, file in zip(simulators, files, strict=True):
             simulator.write(file)
+        others = tuple(files[1:])
         options = Options(
-            algorithm=self.algorithm,
-            seed=self.seed,
-            timesteps=self.timesteps,
-            model=files[0],
-            others=tuple(files[1:]),
+            algorithm=self.algorithm, seed=self.seed, timesteps=self.timesteps, model=files[0], others=others
         )
         found = train(options, folder / "training", progress)
         return told(partial(registry.make, f"{registry.POLICY}:{found.folder / 'policy.json'}"), site)
@@ -152,17 +148,8 @@ class Scenario:
 
     def of(self, run: FrameRun) -> Criteria:
         assert self.nominal.structure is not None
-        largest = self.nominal.attributes["command_max"]
-        return evaluate(
-            self.nominal.structure,
-            run.time,
-            run.drift,
-            run.acceleration,
-            run.force,
-            run.stroke,
-            run.command,
-            largest,
-        )
+        frame, largest = self.nominal.structure, self.nominal.attributes["command_max"]
+        return evaluate(frame, run.time, run.drift, run.acceleration, run.force, run.stroke, run.command, largest)
 
     def criteria(self, plant: Model, controller: Controller | None, load: GroundMotion) -> Criteria:
         """Of a run in MuJoCo."""

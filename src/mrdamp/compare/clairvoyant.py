@@ -166,14 +166,8 @@ def _stage(rollouts: Rollouts, paths: Sequence[Path], objective: Peaks, hold: in
         for i, path in enumerate(live):
             best = int(np.argmin(found[i]))
             row = i * len(_FRACTIONS) + best
-            path.take(
-                tried[i, best],
-                float(found[i, best]),
-                (y[row].copy(), states[row].copy()),
-                best,
-                flat[row],
-                effort,
-            )
+            now = y[row].copy(), states[row].copy()
+            path.take(tried[i, best], float(found[i, best]), now, best, flat[row], effort)
     for path in paths:
         path.ended = path.ended or "steps"
 
