@@ -183,7 +183,7 @@ def test_shipped_settings_belong_to_the_default_bench(bench: FrameBench | CableB
     settings = tuning.shipped(bench)
     assert settings is not None
     assert set(settings) == set(bench.tuned)
-    assert set(bench.default) <= {*settings, *bench.kinds}
+    assert set(bench.default) <= {*settings, *bench.site.options}
     assert tuning.shipped(replace(bench, period=2e-3)) is None
     for name, setting in settings.items():
         ranges = bench.ranges(bench.tuned[name])

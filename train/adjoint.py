@@ -137,15 +137,11 @@ class SoftPolicy(torch.nn.Module):
         share = np.clip(one[:, 1] + other[:, 1] + self.offset.detach().numpy(), -1.0, 1.0)
         wanted = self._force_max * np.clip(h @ self.teacher.detach().numpy() + correction, -1.0, 1.0)
         found = np.interp(np.abs(wanted), self._forces.numpy(), self._commands.numpy())
-        found = np.where(self._along(wanted, observations), found, 0.0)
+        found = np.where(wanted * observations[:, self._force] > 0, found, 0.0)
         found = np.maximum(found + self._command_max * share, 0.0)
         if self._least is not None:
             found = np.maximum(found, self._least(self._unit * observations[:, self._peak].astype(np.float64)))
         return np.asarray(np.minimum(found, self._command_max), dtype=np.float64)
-
-    def _along(self, wanted: NDArray[np.float32], observations: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """(n,) whether the damper's force has the sign of the wanted one: where this changes, the command jumps."""
-        return np.asarray(wanted * observations[:, self._force] > 0)
 
     def transform(self) -> Array:
         """(2 inputs, size) of `Policy`: h, then h*."""

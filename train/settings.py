@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import yaml
 
-from mrdamp.errors import InputError, require_one_of
+from mrdamp.errors import InputError, refuse, require_one_of
 from mrdamp.files import decode, read_bytes
 from mrdamp.outside import NAMED
 
@@ -131,18 +131,17 @@ class Settings:
             if not isinstance(value, int | float) or not (value > 0 or (value == 0 and not open_end)):
                 allowed = "a number > 0" if open_end else "a number, 0 or more"
                 raise InputError(f"hyperparameters: {name} is {value!r}; allowed: {allowed}")
-        if self.freeze >= self.n_timesteps:
-            raise InputError(
-                f"hyperparameters: freeze is {self.freeze} of {self.n_timesteps} control periods: nothing would be "
-                "learned; train longer, or set freeze lower"
-            )
-        if self.viscous and self.switch:
-            raise InputError("hyperparameters: viscous and switch exclude each other")
-        if self.privileged and not self.pool:
-            raise InputError("hyperparameters: privileged needs a pool of loads; set pool")
-        for name in ("ahead", "env_kwargs", "score", "policy_kwargs"):
-            if not isinstance(getattr(self, name), Mapping):
-                raise InputError(f"hyperparameters: {name} is no mapping of names to values")
+        mappings = ("ahead", "env_kwargs", "score", "policy_kwargs")
+        refuse(
+            "hyperparameters",
+            (self.freeze >= self.n_timesteps,
+             f"freeze is {self.freeze} of {self.n_timesteps} control periods: nothing would be learned; train longer, "
+             "or set freeze lower"),
+            (self.viscous and self.switch, "viscous and switch exclude each other"),
+            (self.privileged and not self.pool, "privileged needs a pool of loads; set pool"),
+            *((not isinstance(getattr(self, name), Mapping), f"{name} is no mapping of names to values")
+              for name in mappings),
+        )  # fmt: skip
 
 
 def _require_whole(where: str, least: int, **values: Any) -> None:

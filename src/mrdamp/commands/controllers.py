@@ -170,7 +170,7 @@ def _compare(a: argparse.Namespace) -> str:
         raise InputError(f"--bound is {a.bound}; allowed: 1 or more")
     if a.bound is not None and (a.dampers or ())[1:]:
         raise InputError("--bound is for one damper; leave it out")
-    if a.speed is not None and not (a.motions and bench.option == "road"):
+    if a.speed is not None and not (a.motions and bench.structure.option == "road"):
         raise InputError("--speed is for files of roads (--motions); leave it out")
     loads = bench.read(a.motions, 20.0 if a.speed is None else a.speed) if a.motions else None
     for check in (said for load in loads or () if isinstance(load, GroundMotion) for said in doubtful(load)):

@@ -183,7 +183,7 @@ class Bench(ABC):
 
     def read(self, files: Sequence[Path], speed: float) -> Sequence[Any]:
         """Loads of files. speed: m/s, on roads. Raises InputError."""
-        if self.option != "motion":
+        if self.structure.option != "motion":
             raise InputError(f"a {self.environment} has no ground motion; leave --motions out")
         return read_motions(files)
 
@@ -198,16 +198,6 @@ class Bench(ABC):
     @property
     def environment(self) -> str:
         return self.structure.name
-
-    @property
-    def option(self) -> str:
-        """Of a task's reset, that names the load."""
-        return self.structure.option
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Kinds of controllers, see `mrdamp.control.registry`."""
-        return tuple(self.site.options)
 
     @property
     def measured(self) -> Sequence[str]:

@@ -26,7 +26,7 @@ from mrdamp.compare.linear import CableBench, GoalBench
 from mrdamp.compare.tuning import Loops, Setting, settings_for
 from mrdamp.control import registry
 from mrdamp.envs.linear import own_kind
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import InputError, require_one_of, require_positive
 from mrdamp.files import digest
 from mrdamp.model import Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
@@ -198,8 +198,8 @@ def bench_of(
     """
     if structure not in STRUCTURES and not NAMED.fullmatch(structure):
         raise InputError(f"environment {structure!r} is unknown; there are {', '.join(STRUCTURES)}, file.py:NAME")
-    if command_unit not in (None, "A", "V"):
-        raise InputError(f"command_unit is {command_unit!r}; allowed: A, V")
+    if command_unit is not None:
+        require_one_of("", ("A", "V"), command_unit=command_unit)
     kind = STRUCTURES.get(structure)
     read = model if model is None or isinstance(model, Model) else Model.read(model)
     published = read is not None and read.name in sets.names()

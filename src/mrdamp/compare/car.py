@@ -61,13 +61,8 @@ class CarBench(PlantBench):
         Measure("dissipated_energy", "dissipated (J)"),
     )
     headline: ClassVar[tuple[str, ...]] = (
-        "comfort",
-        "load",
-        "stroke",
-        "airborne",
-        "mean_command",
-        "switching_rate",
-    )
+        "comfort", "load", "stroke", "airborne", "mean_command", "switching_rate",
+    )  # fmt: skip
     claimed: ClassVar[tuple[str, ...]] = ("comfort", "load", "mean_command")
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
     #: The largest command makes the suspension nearly rigid: the way to a bound begins at none.

@@ -49,7 +49,7 @@ def contenders(
     Raises InputError.
     """
     rows = [_contender(bench, name, settings, shipped or {}) for name in names]
-    known = {*bench.kinds, *bench.tuned, *bench.bounds, *(shipped or {})}
+    known = {*bench.site.options, *bench.tuned, *bench.bounds, *(shipped or {})}
     for given, row in zip(names, rows, strict=True):
         if row.name in known and row.name != given:
             raise InputError(f"compare: {given}: {row.name} is the name of another controller; give it one of its own")
@@ -90,13 +90,13 @@ def _contender(
         if not files:
             raise InputError(f"compare: {what}: no policy file there; allowed: {', '.join(_SUFFIXES)}")
         return _policies(name or files[0].stem, files)
-    if told.is_own(what) and what.partition(":")[0] not in bench.kinds:
+    if told.is_own(what) and what.partition(":")[0] not in bench.site.options:
         place = what.partition(":")[0].partition(",")[0]
         return Contender(name or Path(place).stem, (f"{registry.OWN}:{what}",), periods=None)
     if what in bench.tuned:
         raise InputError(f"compare: {what} has not been tuned for this model; add --tune")
-    if what.partition(":")[0] not in bench.kinds:
-        known = (*bench.kinds, *bench.tuned, *shipped, f"{registry.POLICY}:FILES", "module:Class", "model.zip")
+    if what.partition(":")[0] not in bench.site.options:
+        known = (*bench.site.options, *bench.tuned, *shipped, f"{registry.POLICY}:FILES", "module:Class", "model.zip")
         raise InputError(f"controller {what!r} is unknown; there are {', '.join(known)}")
     return Contender(name or what, (what,))
 

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrdamp.control.base import OWN, Unlagged, sensor_name
 from mrdamp.control.force_levels import ForceLevels, LeastCommand
 from mrdamp.control.observe import Observer
-from mrdamp.errors import InputError, refuse, require_positive
+from mrdamp.errors import InputError, refuse, require_one_of, require_positive
 from mrdamp.files import read_json, write_atomic
 from mrdamp.model.core import Array
 
@@ -302,8 +302,7 @@ class Network:
     squash: bool = False
 
     def __post_init__(self) -> None:
-        if self.activation not in ACTIVATIONS:
-            raise InputError(f"network: activation is {self.activation!r}; allowed: {', '.join(ACTIVATIONS)}")
+        require_one_of("network", ACTIVATIONS, activation=self.activation)
         if not self.layers:
             raise InputError("network: there is no layer")
         width = None

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len
 from scipy.interpolate import CubicSpline
 
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import InputError, require_one_of, require_positive
 from mrdamp.files import decode, read_bytes
 from mrdamp.model.core import Array
 from mrdamp.records import csv_file
@@ -89,9 +89,7 @@ def iso8608(road_class: str, speed: float, duration: float, seed: int, lead: flo
     over many roads heights have its variance, 0.01 G(0.1) (1 / 0.011 - 1 / 2.83) m2. speed: m/s; duration and lead,
     over which it rises from flat ground: s. Raises InputError.
     """
-    density = CLASSES.get(road_class)
-    if density is None:
-        raise InputError(f"road class is {road_class!r}; allowed: {', '.join(CLASSES)}")
+    require_one_of("", CLASSES, **{"road class": road_class})
     if not 0 < speed < math.inf or not 0 < duration < 1e5 or not 0 <= lead < duration:
         raise InputError(
             f"road: speed {speed}, duration {duration}, lead {lead}; allowed: > 0, > 0, 0 to the duration"
@@ -102,7 +100,7 @@ def iso8608(road_class: str, speed: float, duration: float, seed: int, lead: flo
     n = step * np.arange(1, whole // 2 + 1)
     # The part of the band that each line stands for: n^-2 integrated.
     low, high = np.clip(n - 0.5 * step, _LOW, _HIGH), np.clip(n + 0.5 * step, _LOW, _HIGH)
-    variance = density * _N0**2 * (1 / low - 1 / high)
+    variance = CLASSES[road_class] * _N0**2 * (1 / low - 1 / high)
     phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(n))
     lines = np.append(0.0, 0.5 * whole * np.sqrt(2 * variance) * np.exp(1j * phase))
     height = irfft(lines, whole)[:count]
