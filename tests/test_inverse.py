@@ -11,7 +11,7 @@ import pytest
 from mrdamp.errors import InputError
 from mrdamp.inverse import Inverse, LawInverse
 from mrdamp.inverse.baselines import Extrapolation, command_range
-from mrdamp.inverse.law import search
+from mrdamp.inverse.tracking import search
 from mrdamp.model import Effect, Model
 from refusals import refuses
 

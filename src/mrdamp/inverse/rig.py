@@ -14,9 +14,8 @@ from matplotlib.figure import Figure
 from mrdamp.files import csv_text, write_atomic
 from mrdamp.identify import Fit, identify
 from mrdamp.inverse.baselines import Fixed, Inverse, Switching, command_range
-from mrdamp.inverse.law import LawInverse
 from mrdamp.inverse.network import NetworkInverse, train_inverse
-from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, rms, track
+from mrdamp.inverse.tracking import STEP, LawInverse, RandomMotion, Track, random_level, rms, track
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.narx.data import counted
