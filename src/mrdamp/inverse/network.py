@@ -100,13 +100,11 @@ class NetworkInverse:
         last = wanted_force if self._wanted is None or not self.preview else self._wanted
         wanted = self._extrapolation(wanted_force, (wanted_force - last) * self.lead)
         self._wanted = wanted_force
-        values = np.array([self._input(past, channel, lag, wanted) for channel, lag in self.network.inputs])
+        values = np.array([
+            wanted if (channel, lag) == ("i", 0) else past[channel][lag - self.lead * (channel == "i")]
+            for channel, lag in self.network.inputs
+        ])  # fmt: skip
         return float(np.clip(self.network.forward(values[None])[0], self.low, self.high))
-
-    def _input(self, past: Mapping[str, Array], channel: str, lag: int, wanted: float) -> float:
-        if channel == "i":
-            return wanted if lag == 0 else float(past["i"][lag - self.lead])
-        return float(past[channel][lag])
 
     def to_dict(self) -> dict[str, Any]:
         """What `write` puts into a file."""
@@ -181,16 +179,13 @@ def train_inverse(
     low, high = commands or (0.0, float(values.max()))
     trials = list(product(lags, leads))
     tasks = [(train, chosen, lead, hidden, seed, most) for chosen, lead in trials]
-    best: tuple[float, NetworkInverse] | None = None
+    tried: list[tuple[float, NetworkInverse]] = []
     for count, network in enumerate(mapped(_trained, tasks, workers)):
         lead = trials[count][1]
         (progress or silent)(f"{1e3 * lead * network.sample_time:g} ms ahead", (count + 1) / len(trials))
         found = NetworkInverse(network, lead, low, high, _command_error(network, varying, lead))
-        cost = judge(found) if judge else found.error
-        if best is None or cost < best[0]:
-            best = cost, found
-    assert best is not None
-    return best[1]
+        tried.append((judge(found) if judge else found.error, found))
+    return min(tried, key=lambda one: one[0])[1]
 
 
 def _trained(
