@@ -72,16 +72,6 @@ def _along(tendon: ET.Element, share: dict[int, float]) -> None:
             ET.SubElement(tendon, "joint", joint=f"q{i + 1}", coef=repr(float(coefficient)))
 
 
-class LinearView(View):
-    """One structure, its slides where the coordinates are."""
-
-    def __init__(self, xml: str, camera: str, size: tuple[int, int]) -> None:
-        super().__init__(xml, "frame3", camera, size)
-
-    def pose(self, qpos: Array, exaggeration: float) -> None:
-        self.data.qpos[:] = exaggeration * qpos
-
-
 _DRAWN = 50  # segments of the drawing
 
 

@@ -211,7 +211,7 @@ class CarView(View):
         self._larger = 1.0
 
     def pose(self, qpos: Array, exaggeration: float) -> None:
-        self.data.qpos[:] = exaggeration * qpos
+        super().pose(qpos, exaggeration)
         self._larger = exaggeration
 
     def connect(self, scene: mujoco.MjvScene) -> None:

@@ -20,7 +20,6 @@ import numpy as np
 from mrdamp.control import registry
 from mrdamp.control.clipped_optimal import Lqg
 from mrdamp.control.lqg import Linear, first_order_hold, outputs_of, plant_of
-from mrdamp.envs.cable_xml import LinearView
 from mrdamp.envs.linear_rows import ByMatrices, LinearChain, LinearRows, forces_of
 from mrdamp.envs.loads import MotionSource, drawn, played
 from mrdamp.envs.options import model_of
@@ -28,6 +27,7 @@ from mrdamp.envs.plants import periods
 from mrdamp.envs.structure import Part, Total, Weights, largest_force, of_dampers
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
+from mrdamp.envs.view import View
 from mrdamp.errors import InputError, require_kind, require_one_of, require_positive
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -253,8 +253,8 @@ class LinearStructure(ByMatrices, metaclass=_Kind):
     def first(self) -> float:
         return float(self.system.frequencies[0])
 
-    def view(self, task: Task, camera: str, size: tuple[int, int]) -> LinearView:
-        return LinearView(self.mjcf(1e-3, drawn=True), camera, size)
+    def view(self, task: Task, camera: str, size: tuple[int, int]) -> View:
+        return View(self.mjcf(1e-3, drawn=True), "frame3", camera, size)
 
     def sensors(self, command_max: Array, full_state: bool) -> tuple[list[str], dict[str, float]]:
         """Accelerations of all places, stroke and force; full_state: displacements and velocities, and the current."""

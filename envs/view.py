@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,7 +25,7 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-class View(ABC):
+class View:
     """A drawing of one row.
 
     xml: of the rendered model. folder: of `models_xml`, for light and ground. camera: a
@@ -47,9 +46,9 @@ class View(ABC):
         self._viewer: Any = None
         self._shown = 0.0
 
-    @abstractmethod
     def pose(self, qpos: Array, exaggeration: float) -> None:
-        """Sets the drawing's joints from the row's coordinates."""
+        """Sets the drawing's joints from the row's coordinates, by default the same ones."""
+        self.data.qpos[:] = exaggeration * qpos
 
     def connect(self, scene: mujoco.MjvScene) -> None:
         """Adds shapes between bodies; none by default."""
