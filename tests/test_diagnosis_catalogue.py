@@ -40,7 +40,7 @@ def test_every_effect_and_rival_has_starts_within_its_ranges_and_a_rival_has_wor
 ) -> None:
     sizes = Sizes(800.0, 0.01, 0.1, 2.0, 2.0, 300.0, sample_time)
     terms = damper_terms(sizes)
-    storeys = storey_rivals(dyke1996(), [2], np.full(3, 1e-3), np.full(3, 4e-3))
+    storeys = tuple(storey_rivals(dyke1996(), [2], np.full(3, 1e-3), np.full(3, 4e-3)))
     assert all(plain(term).endswith("in storey 2") for term in storeys)
     rivals = (*command_rivals(sizes), *force_rivals(sizes))
     assert {term.cause for term in rivals} <= set(PLAIN)

@@ -9,188 +9,115 @@ equation.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
 from mrdamp.diagnosis.constants import CLEARANCE
 from mrdamp.diagnosis.hypotheses.current_effects import current_terms
 from mrdamp.diagnosis.hypotheses.fluid_effects import fluid_terms
-from mrdamp.diagnosis.hypotheses.terms import (
-    Coordinate,
-    Form,
-    Settings,
-    Sizes,
-    Term,
-    declared,
-    linear,
-    positive,
-)
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, linear, positive, term
 from mrdamp.model.core import Array
 
 
 def damper_terms(s: Sizes) -> tuple[Term, ...]:
     """All effects from driver to sensor, in the order of the chain, in the forms that the sampling of the
     records can show: a form whose resonances are above the sampling limit has no starts."""
-    terms = (*current_terms(s), *fluid_terms(s), *_mechanics(s), *_mount(s), *_sensor(s.force, s.sample_time))
-    return tuple(term for term in terms if term.starts)
+    inertia, dt = s.force / s.acceleration, s.sample_time
+    parts = _mechanics(s), _mass_terms(inertia, dt), _mount(s), _sensor(s.force, dt)
+    terms = chain(current_terms(s), fluid_terms(s), *parts)
+    return tuple(t for t in terms if t.starts)
 
 
-def _mechanics(s: Sizes) -> tuple[Term, ...]:
-    k, f, v, stroke = s.force / s.stroke, s.force, s.velocity, s.stroke
+def _mechanics(s: Sizes) -> Iterator[Term]:
+    k, f, v, x = s.force / s.stroke, s.force, s.velocity, s.stroke
+    spring = (
+        linear("k", 0.05 * k, -3 * k, 3 * k),
+        linear("k2", 0.3 / x, -3 / x, 3 / x),
+        linear("k3", 0.3 / x**2, -5 / x**2, 50 / x**2),
+        linear("f0", 0.05 * f, -2 * f, 2 * f),
+    )
+    yield term(
+        "gas_spring",
+        spring,
+        (0.1 * k, 0.3 / x, 0.0, 0.0),
+        (0.1 * k, -0.3 / x, 0.0, 0.0),
+        (0.03 * k, 0.0, 3.0 / x**2, 0.0),
+        (0.0, 0.0, 0.0, 0.05 * f),
+    )
     friction = (
-        linear("seal_friction_coulomb", 0.03 * f, 0.0, 2 * f),
-        positive("seal_friction_breakaway", 1.2, 1.0, 4.0, 0.3),
-        positive("seal_friction_v_s", 0.1 * v, 1e-3 * v, 2 * v),
+        linear("coulomb", 0.03 * f, 0.0, 2 * f),
+        positive("breakaway", 1.2, 1.0, 4.0, 0.3),
+        positive("v_s", 0.1 * v, 1e-3 * v, 2 * v),
     )
-    return (
-        *declared(
-            "gas_spring",
-            Form(
-                "",
-                (
-                    linear("gas_spring_k", 0.05 * k, -3 * k, 3 * k),
-                    linear("gas_spring_k2", 0.3 / stroke, -3 / stroke, 3 / stroke),
-                    linear("gas_spring_k3", 0.3 / stroke**2, -5 / stroke**2, 50 / stroke**2),
-                    linear("gas_spring_f0", 0.05 * f, -2 * f, 2 * f),
-                ),
-                (
-                    (0.1 * k, 0.3 / stroke, 0.0, 0.0),
-                    (0.1 * k, -0.3 / stroke, 0.0, 0.0),
-                    (0.03 * k, 0.0, 3.0 / stroke**2, 0.0),
-                    (0.0, 0.0, 0.0, 0.05 * f),
-                ),
-            ),
-        ),
-        *declared(
-            "seal_friction",
-            Form(
-                "",
-                (*friction, positive("seal_friction_presliding", 2e-3 * stroke, 2e-4 * stroke, 0.2 * stroke)),
-                ((0.08 * f, 1.2, 0.1 * v, 2e-3 * stroke),),
-            ),
-            Form(
-                "slipping at once",
-                (*friction, positive("seal_friction_width", 0.02 * v, 1e-3 * v, 0.5 * v)),
-                ((0.08 * f, 1.2, 0.1 * v, 0.02 * v),),
-            ),
-        ),
-        *_mass_terms(s.force / s.acceleration, s.sample_time),
-    )
+    presliding = positive("presliding", 2e-3 * x, 2e-4 * x, 0.2 * x)
+    width = positive("width", 0.02 * v, 1e-3 * v, 0.5 * v)
+    yield term("seal_friction", (*friction, presliding), (0.08 * f, 1.2, 0.1 * v, 2e-3 * x))
+    yield term("seal_friction:slipping at once", (*friction, width), (0.08 * f, 1.2, 0.1 * v, 0.02 * v))
 
 
-def _mount(s: Sizes) -> tuple[Term, ...]:
-    k, f, stroke = s.force / s.stroke, s.force, s.stroke
-    mount = positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k)
-    clearance = partial(_is_clearance, f)
-    return (
-        *declared(
-            "mount_compliance",
-            Form("", (mount,), ((30 * k,), (200 * k,), (1000 * k,))),
-            Form(
-                "hardening",
-                (
-                    mount,
-                    positive("mount_compliance_k3", (30 / stroke) ** 2, 0.1 / stroke**2, 1e8 / stroke**2, 1.0),
-                ),
-                ((20 * k, (20 / stroke) ** 2), (130 * k, (130 / stroke) ** 2)),
-                is_other=clearance,
-            ),
-            Form(
-                "with a stop",
-                (
-                    mount,
-                    positive("mount_compliance_stop", 0.02 * stroke, 1e-5 * stroke, 0.5 * stroke),
-                    positive("mount_compliance_stiffer", 2.0, 0.2, 10.0),
-                ),
-                ((20 * k, 0.03 * stroke, 2.0), (130 * k, 5e-3 * stroke, 2.0)),
-                is_other=clearance,
-            ),
-            Form(
-                "with friction inside",
-                (
-                    mount,
-                    positive("mount_compliance_friction", 0.2 * f, 3e-3 * f, 3 * f),
-                    positive("mount_compliance_slide", 1e-3 * stroke, 1e-5 * stroke, 0.1 * stroke),
-                ),
-                ((30 * k, 0.2 * f, 3e-3 * stroke), (200 * k, 0.2 * f, 1e-3 * stroke)),
-            ),
-            Form(
-                "letting go",
-                (
-                    mount,
-                    positive("mount_compliance_loss", 1.0, 0.05, 20.0),
-                    positive("mount_compliance_time", 0.03, 1e-3, 1.0),
-                ),
-                ((30 * k, 1.0, 0.03), (200 * k, 1.0, 0.03)),
-            ),
-        ),
-        *declared(
-            "backlash",
-            Form(
-                "",
-                (
-                    positive("backlash_gap", 0.03 * stroke, 2e-4 * stroke, 0.5 * stroke),
-                    positive("backlash_k", 300 * k, 10 * k, 1e4 * k),
-                ),
-                ((0.005 * stroke, 300 * k), (0.02 * stroke, 300 * k), (0.06 * stroke, 300 * k)),
-            ),
-        ),
-    )
+def _mass_terms(inertia: float, dt: float) -> Iterator[Term]:
+    mass = linear("m", 0.03 * inertia, 0.0, 3 * inertia)
+    ratio = positive("ratio", 0.05, 2e-3, 0.9)
+    m, highest = 0.1 * inertia, 0.4 / dt
+    # The mass lies beyond the mount, as a fixture does; this matters only with a mount.
+    beyond = partial(term, fixed={"beyond": 1.0})
+    yield beyond("moving_mass", (mass,), (m,))
+    clamp = positive("hz", min(80.0, 0.4 / dt), 10.0, 0.45 / dt, 0.2)
+    one = mass, clamp, ratio, linear("share", 0.1, 0.05, 1.0, 0.9)
+    # A fit finds a low resonance only from a start with high damping.
+    resonances = ((30.0, 0.3), (70.0, 0.1), (100.0, 0.05), (140.0, 0.05), (190.0, 0.05))
+    yield beyond("moving_mass:on a spring", one, *((m, hz, wide, 0.9) for hz, wide in resonances if hz < highest))
+    clamps = positive("hz", 35.0, 8.0, 0.3 / dt, 0.2), positive("hz2", 80.0, 10.0, 0.45 / dt, 0.2)
+    two = mass, *clamps, ratio, linear("share2", 0.1, 0.02, 0.98, 0.5)
+    pairs = ((30.0, 70.0, 0.2), (35.0, 85.0, 0.07), (40.0, 110.0, 0.05))
+    yield beyond("moving_mass:in two clamps", two, *((m, *pair, 0.5) for pair in pairs if pair[1] < highest))
 
 
-def _sensor(f: float, dt: float) -> tuple[Term, ...]:
+def _mount(s: Sizes) -> Iterator[Term]:
+    k, f, x = s.force / s.stroke, s.force, s.stroke
+    mount = positive("k", 30 * k, 0.5 * k, 3000 * k)
+    yield term("mount_compliance", (mount,), (30 * k,), (200 * k,), (1000 * k,))
+    stiff = partial(term, is_other=partial(_is_clearance, f))
+    cubic = positive("k3", (30 / x) ** 2, 0.1 / x**2, 1e8 / x**2, 1.0)
+    hardened = (20 * k, (20 / x) ** 2), (130 * k, (130 / x) ** 2)
+    yield stiff("mount_compliance:hardening", (mount, cubic), *hardened)
+    stop = positive("stop", 0.02 * x, 1e-5 * x, 0.5 * x), positive("stiffer", 2.0, 0.2, 10.0)
+    stops = (20 * k, 0.03 * x, 2.0), (130 * k, 5e-3 * x, 2.0)
+    yield stiff("mount_compliance:with a stop", (mount, *stop), *stops)
+    inside = positive("friction", 0.2 * f, 3e-3 * f, 3 * f), positive("slide", 1e-3 * x, 1e-5 * x, 0.1 * x)
+    slides = (30 * k, 0.2 * f, 3e-3 * x), (200 * k, 0.2 * f, 1e-3 * x)
+    yield term("mount_compliance:with friction inside", (mount, *inside), *slides)
+    letting_go = positive("loss", 1.0, 0.05, 20.0), positive("time", 0.03, 1e-3, 1.0)
+    yield term("mount_compliance:letting go", (mount, *letting_go), (30 * k, 1.0, 0.03), (200 * k, 1.0, 0.03))
+    backlash = positive("gap", 0.03 * x, 2e-4 * x, 0.5 * x), positive("k", 300 * k, 10 * k, 1e4 * k)
+    yield term("backlash", backlash, *((share * x, 300 * k) for share in (0.005, 0.02, 0.06)))
+
+
+def _sensor(f: float, dt: float) -> Iterator[Term]:
     """f: RMS force (N); dt: sample time (s)."""
-    offset = linear("sensor_offset_f", 0.02 * f, -2 * f, 2 * f)
-    settling = linear("sensor_offset_settle", 0.02 * f, -4 * f, 4 * f)
-    tau = positive("sensor_lag_tau", 2 * dt, 0.1 * dt, 50 * dt)
-    gain = Form("", (linear("sensor_gain_g", 0.05, 0.2, 5.0, 1.0),), ((1.1,),))
-    shift = Form("", (linear("channel_shift_d", dt, -25 * dt, 25 * dt),), ((2 * dt,), (-2 * dt,)))
-    return (
-        *declared("sensor_gain", gain),
-        *declared(
-            "sensor_offset",
-            Form("", (offset,), ((0.05 * f,),)),
-            Form(
-                "settling",
-                (offset, settling, positive("sensor_offset_time", 1.0, 0.02, 100.0)),
-                ((0.05 * f, 0.05 * f, 1.0),),
-            ),
-        ),
-        *declared(
-            "sensor_leakage",
-            Form("", (positive("sensor_leakage_tau", 2.0, 0.02, 200.0),), ((2.0,), (0.3,))),
-            Form(
-                "two shares",
-                (
-                    positive("sensor_leakage_tau", 1.0, 0.02, 200.0),
-                    linear("sensor_leakage_share", 0.1, 0.0, 0.9),
-                    positive("sensor_leakage_tau2", 10.0, 0.05, 1000.0),
-                ),
-                ((1.0, 0.2, 10.0), (0.2, 0.2, 2.0)),
-            ),
-        ),
-        *declared(
-            "sensor_lag",
-            Form(
-                "",
-                (tau, positive("sensor_lag_tau2", 0.3 * dt, 0.05 * dt, 25 * dt)),
-                ((2 * dt, 0.2 * dt), (5 * dt, dt)),
-            ),
-            Form(
-                "second order",
-                (
-                    tau,
-                    positive("sensor_lag_ratio", 0.8, 0.3, 0.98, 0.2),
-                    positive("sensor_lag_tau2", 0.3 * dt, 0.02 * dt, 25 * dt),
-                ),
-                ((dt, 0.8, 0.1 * dt), (3 * dt, 0.75, 0.5 * dt), (6 * dt, 0.65, 3 * dt)),
-            ),
-        ),
-        *declared("channel_shift", shift),
-    )
+    yield term("sensor_gain", (linear("g", 0.05, 0.2, 5.0, 1.0),), (1.1,))
+    offset = linear("f", 0.02 * f, -2 * f, 2 * f)
+    settling = offset, linear("settle", 0.02 * f, -4 * f, 4 * f), positive("time", 1.0, 0.02, 100.0)
+    yield term("sensor_offset", (offset,), (0.05 * f,))
+    yield term("sensor_offset:settling", settling, (0.05 * f, 0.05 * f, 1.0))
+    yield term("sensor_leakage", (positive("tau", 2.0, 0.02, 200.0),), (2.0,), (0.3,))
+    leaks = positive("tau", 1.0, 0.02, 200.0), *SECOND_LEAK
+    yield term("sensor_leakage:two shares", leaks, *TWO_LEAKS)
+    lag = positive("tau", 2 * dt, 0.1 * dt, 50 * dt)
+    yield term("sensor_lag", (lag, positive("tau2", 0.3 * dt, 0.05 * dt, 25 * dt)), (2 * dt, 0.2 * dt), (5 * dt, dt))
+    second = lag, positive("ratio", 0.8, 0.3, 0.98, 0.2), positive("tau2", 0.3 * dt, 0.02 * dt, 25 * dt)
+    starts = (dt, 0.8, 0.1 * dt), (3 * dt, 0.75, 0.5 * dt), (6 * dt, 0.65, 3 * dt)
+    yield term("sensor_lag:second order", second, *starts)
+    yield term("channel_shift", (linear("d", dt, -25 * dt, 25 * dt),), (2 * dt,), (-2 * dt,))
+
+
+#: The other share of a charge that leaks in two, and where a search of both begins.
+SECOND_LEAK = linear("share", 0.1, 0.0, 0.9), positive("tau2", 10.0, 0.05, 1000.0)
+TWO_LEAKS = (1.0, 0.2, 10.0), (0.2, 0.2, 2.0)
 
 
 def _is_clearance(force: float, settings: Settings) -> bool:
@@ -229,36 +156,6 @@ def nominal_coordinates(
             size = _size(name, parameters, command)
             out.append(Coordinate(name, value, value - 2 * size, value + 2 * size, 0.1 * size, prior=3.0))
     return tuple(out)
-
-
-def _mass_terms(inertia: float, dt: float) -> tuple[Term, ...]:
-    mass = linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia)
-    ratio = positive("moving_mass_ratio", 0.05, 2e-3, 0.9)
-    # The mass lies beyond the mount, as a fixture does; this matters only with a mount.
-    beyond = {"moving_mass_beyond": 1.0}
-    one = (
-        mass,
-        positive("moving_mass_hz", min(80.0, 0.4 / dt), 10.0, 0.45 / dt, 0.2),
-        ratio,
-        linear("moving_mass_share", 0.1, 0.05, 1.0, 0.9),
-    )
-    # A fit finds a low resonance only from a start with high damping.
-    resonances = ((30.0, 0.3), (70.0, 0.1), (100.0, 0.05), (140.0, 0.05), (190.0, 0.05))
-    two = (
-        mass,
-        positive("moving_mass_hz", 35.0, 8.0, 0.3 / dt, 0.2),
-        positive("moving_mass_hz2", 80.0, 10.0, 0.45 / dt, 0.2),
-        ratio,
-        linear("moving_mass_share2", 0.1, 0.02, 0.98, 0.5),
-    )
-    pairs = ((30.0, 70.0, 0.2), (35.0, 85.0, 0.07), (40.0, 110.0, 0.05))
-    m, highest = 0.1 * inertia, 0.4 / dt
-    return declared(
-        "moving_mass",
-        Form("", (mass,), ((m,),), beyond),
-        Form("on a spring", one, tuple((m, f, wide, 0.9) for f, wide in resonances if f < highest), beyond),
-        Form("in two clamps", two, tuple((m, *pair, 0.5) for pair in pairs if pair[1] < highest), beyond),
-    )
 
 
 def widened(

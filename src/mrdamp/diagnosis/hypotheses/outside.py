@@ -8,11 +8,12 @@ be complete.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
-from mrdamp.diagnosis.hypotheses.terms import Settings, Sizes, Term, linear, positive
+from mrdamp.diagnosis.hypotheses.terms import Settings, Sizes, Term, linear, positive, term
 from mrdamp.model.core import Array
 from mrdamp.records.sampling import memory
 
@@ -38,92 +39,54 @@ PLAIN: Mapping[str, str] = {
 }
 
 
-def plain(term: Term) -> str:
+def plain(one: Term) -> str:
     """Description of a rival, with its storey."""
-    words = f"{PLAIN[term.effect]} {term.form}" if term.effect == "foundation" else PLAIN[term.effect]
-    return words + ("" if term.place is None else f" in storey {term.place}")
+    words = f"{PLAIN[one.effect]} {one.form}" if one.effect == "foundation" else PLAIN[one.effect]
+    return words + ("" if one.place is None else f" in storey {one.place}")
 
 
-def command_rivals(s: Sizes) -> tuple[Term, ...]:
+#: A term with the names of its settings after the prefix.
+rival = partial(term, prefix=PREFIX)
+
+
+def command_rivals(s: Sizes) -> Iterator[Term]:
     """Rivals that act on the command, for any rig."""
     c = s.command
-    return (
-        Term(
-            "supply_sag",
-            "driver",
-            (
-                linear("outside_sag_share", 0.1, 0.0, 0.95),
-                positive("outside_sag_time", 0.5, 0.2, 20.0),
-                positive("outside_sag_power", 2.0, 0.5, 5.0),
-            ),
-            ((0.2, 0.4, 2.0), (0.2, 3.0, 2.0)),
-            fixed={"outside_sag_command": c},
-        ),
-        Term(
-            "command_threshold",
-            "driver",
-            (positive("outside_threshold", 0.1 * c, 5e-3 * c, 0.7 * c),),
-            ((0.05 * c,), (0.2 * c,)),
-        ),
+    sag = (
+        linear("sag_share", 0.1, 0.0, 0.95),
+        positive("sag_time", 0.5, 0.2, 20.0),
+        positive("sag_power", 2.0, 0.5, 5.0),
     )
+    yield rival("supply_sag", sag, (0.2, 0.4, 2.0), (0.2, 3.0, 2.0), stage="driver", fixed={"sag_command": c})
+    threshold = positive("threshold", 0.1 * c, 5e-3 * c, 0.7 * c)
+    yield rival("command_threshold", (threshold,), (0.05 * c,), (0.2 * c,), stage="driver")
 
 
-def force_rivals(s: Sizes) -> tuple[Term, ...]:
+def force_rivals(s: Sizes) -> Iterator[Term]:
     """Rivals that act on the force, for an imposed motion."""
-    k = s.force / s.stroke
-    stop = (
-        linear("outside_stop_k", 0.5 * k, 0.0, 300 * k),
-        linear("outside_stop_x", 0.1 * s.stroke, 0.4 * s.stroke, s.stroke, 0.7 * s.stroke),
-    )
-    stops = ((0.5 * k, 0.6 * s.stroke), (3.0 * k, 0.85 * s.stroke))
-    limit = (
-        positive("outside_limit_force", s.force, 0.2 * s.force, 5 * s.force),
-        positive("outside_limit_knee", 6.0, 2.0, 30.0),
-    )
-    limits = ((1.3 * s.force, 6.0), (0.8 * s.force, 6.0))
-    out = []
+    k, f, x = s.force / s.stroke, s.force, s.stroke
+    stop = linear("stop_k", 0.5 * k, 0.0, 300 * k), linear("stop_x", 0.1 * x, 0.4 * x, x, 0.7 * x)
+    stops = (0.5 * k, 0.6 * x), (3.0 * k, 0.85 * x)
+    limit = positive("limit_force", f, 0.2 * f, 5 * f), positive("limit_knee", 6.0, 2.0, 30.0)
+    limits = (1.3 * f, 6.0), (0.8 * f, 6.0)
     for form, side in (("extension", 1.0), ("compression", -1.0), ("both", 0.0)):
-        out.append(Term("end_stop", "mechanics", stop, stops, form=form, fixed={"outside_stop_side": side}))
-        out.append(Term("force_limit", "fluid", limit, limits, form=form, fixed={"outside_limit_side": side}))
+        yield rival(f"end_stop:{form}", stop, *stops, stage="mechanics", fixed={"stop_side": side})
+        yield rival(f"force_limit:{form}", limit, *limits, stage="fluid", fixed={"limit_side": side})
     wear = (
-        linear("outside_wear_loss", 0.1, -0.9, 0.9),
-        linear("outside_wear_x", 0.3 * s.stroke, -s.stroke, s.stroke),
-        positive("outside_wear_width", 0.4 * s.stroke, 0.05 * s.stroke, 2 * s.stroke),
+        linear("wear_loss", 0.1, -0.9, 0.9),
+        linear("wear_x", 0.3 * x, -x, x),
+        positive("wear_width", 0.4 * x, 0.05 * x, 2 * x),
     )
-    spots = tuple((0.2, x * s.stroke, 0.4 * s.stroke) for x in (-0.5, 0.0, 0.5))
-    load = (
-        linear("outside_side_force", 0.1 * k, 0.0, 20 * k),
-        linear("outside_side_x", 0.3 * s.stroke, -s.stroke, s.stroke),
-    )
-    slip = {"outside_side_v": 0.03 * s.velocity}
-    heard = s.force / s.command
-    return (
-        *out,
-        Term("worn_bore", "fluid", wear, spots),
-        Term("side_load", "mechanics", load, ((0.2 * k, 0.0),), fixed=slip),
-        Term(
-            "settled_particles",
-            "fluid",
-            (
-                linear("outside_settled_loss", 0.1, 0.0, 0.95),
-                positive("outside_settled_path", 5 * s.stroke, 0.3 * s.stroke, 300 * s.stroke),
-            ),
-            ((0.2, 3 * s.stroke), (0.2, 20 * s.stroke)),
-        ),
-        Term(
-            "clock_drift",
-            "sensor",
-            # Started together: with a shift of its own it would contain the catalogue's channel_shift.
-            (linear("outside_clock_rate", 5e-4, -0.02, 0.02),),
-            ((1e-3,), (-1e-3,)),
-        ),
-        Term(
-            "cross_talk",
-            "sensor",
-            (linear("outside_talk", 0.05 * heard, -4 * heard, 4 * heard),),
-            ((0.1 * heard,),),
-        ),
-    )
+    yield rival("worn_bore", wear, *((0.2, at * x, 0.4 * x) for at in (-0.5, 0.0, 0.5)), stage="fluid")
+    load = linear("side_force", 0.1 * k, 0.0, 20 * k), linear("side_x", 0.3 * x, -x, x)
+    yield rival("side_load", load, (0.2 * k, 0.0), stage="mechanics", fixed={"side_v": 0.03 * s.velocity})
+    settled = linear("settled_loss", 0.1, 0.0, 0.95), positive("settled_path", 5 * x, 0.3 * x, 300 * x)
+    yield rival("settled_particles", settled, (0.2, 3 * x), (0.2, 20 * x), stage="fluid")
+    # Started together: with a shift of its own it would contain the catalogue's channel_shift.
+    clock = linear("clock_rate", 5e-4, -0.02, 0.02)
+    yield rival("clock_drift", (clock,), (1e-3,), (-1e-3,), stage="sensor")
+    heard = f / s.command
+    yield rival("cross_talk", (linear("talk", 0.05 * heard, -4 * heard, 4 * heard),), (0.1 * heard,), stage="sensor")
 
 
 def grouped(settings: Sequence[Settings]) -> list[tuple[Settings, list[int]]]:

@@ -6,11 +6,13 @@ The frame's C entry has such springs and foundations only for this purpose; the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from mrdamp.diagnosis.hypotheses.outside import rival
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Term, linear, positive
 from mrdamp.model.core import Array, FrameInput
 from mrdamp.structures import ShearFrame
@@ -23,57 +25,46 @@ _LATE = 0.05
 _SOFTEST = 0.3
 
 
-def storey_rivals(s: ShearFrame, places: Iterable[int], drift: Array, largest: Array) -> tuple[Term, ...]:
+def storey_rivals(s: ShearFrame, places: Iterable[int], drift: Array, largest: Array) -> Iterator[Term]:
     """Rivals of the storeys at `places` (from 1). drift, largest (storeys,): RMS and largest drift (m)."""
-    out: list[Term] = []
     for j in places:
         k, d, peak = float(s.stiffness[j - 1]), float(drift[j - 1]), float(largest[j - 1])
-        share = (linear(f"outside_crack_share@{j}", 0.1, 0.0, 0.95),)
-        for form, side in (("at a positive drift", 1.0), ("at a negative drift", -1.0)):
-            fixed = {f"outside_crack_side@{j}": side}
-            starts = ((0.15,), (0.5,))
-            out.append(Term("storey_crack", "structure", share, starts, place=j, form=form, fixed=fixed))
-        yields = (
-            linear(f"outside_yield_share@{j}", 0.1, 0.0, 0.95),
-            positive(f"outside_yield_drift@{j}", d, 0.02 * d, 4 * d),
-        )
-        out.append(Term("storey_yield", "structure", yields, ((0.3, 0.4 * d), (0.3, 1.2 * d)), place=j))
+        at = partial(rival, place=j)
+        share = linear("crack_share", 0.1, 0.0, 0.95)
+        yield at("storey_crack:at a positive drift", (share,), (0.15,), (0.5,), fixed={"crack_side": 1.0})
+        yield at("storey_crack:at a negative drift", (share,), (0.15,), (0.5,), fixed={"crack_side": -1.0})
+        yields = linear("yield_share", 0.1, 0.0, 0.95), positive("yield_drift", d, 0.02 * d, 4 * d)
+        yield at("storey_yield", yields, (0.3, 0.4 * d), (0.3, 1.2 * d))
         unit = 0.1 * k / d**2
-        cubic = (linear(f"outside_cubic@{j}", unit, -_SOFTEST * k / peak**2, 100 * unit),)
-        out.append(Term("storey_hardening", "structure", cubic, ((unit,),), place=j))
-    return tuple(out)
+        yield at("storey_hardening", (linear("cubic", unit, -_SOFTEST * k / peak**2, 100 * unit),), (unit,))
 
 
-def base_rivals(s: ShearFrame, sample_time: float) -> tuple[Term, ...]:
+def base_rivals(s: ShearFrame, sample_time: float) -> Iterator[Term]:
     """Rivals of the whole frame: its foundation and its ground channel. sample_time (s): of the records."""
-    starts: dict[str, tuple[float, ...]] = {}
-    parts: dict[str, tuple[Coordinate, ...]] = {}
     whole, n = float(np.sum(s.mass)), s.storeys
     # A push at the top moves the top alike by both.
-    sizes = {"sway": (float(s.mass[0]), 1.0, whole), "rock": (whole, n**2, whole * n**2 / 3)}
-    for how, (mass, lever, moved) in sizes.items():
-        k = _STIFFER * float(s.stiffness[0]) * lever
-        c = 2 * _RATIO * float(np.sqrt(k * moved))
-        ranges = {"mass": (mass, 0.01, 30.0), "stiffness": (k, 0.02, 200.0), "damping": (c, 1e-3, 100.0)}
-        parts[how] = tuple(
-            positive(f"outside_{how}_{name}", size, low * size, high * size)
-            for name, (size, low, high) in ranges.items()
-        )
-        starts[how] = mass, k, c
-    both = (*parts["sway"], *parts["rock"]), (*starts["sway"], *starts["rock"])
-    forms = {
-        "that sways": (parts["sway"], starts["sway"]),
-        "that rocks": (parts["rock"], starts["rock"]),
-        "that sways and rocks": both,
-    }
-    foundations = [Term("foundation", "structure", c, (start,), form=form) for form, (c, start) in forms.items()]
-    return (*foundations, ground_delay(sample_time))
+    sway = _foundation(s, "sway", float(s.mass[0]), 1.0, whole)
+    rock = _foundation(s, "rock", whole, n**2, whole * n**2 / 3)
+    for form, parts in (("that sways", sway), ("that rocks", rock), ("that sways and rocks", (*sway, *rock))):
+        yield rival(f"foundation:{form}", parts, tuple(c.start for c in parts))
+    yield ground_delay(sample_time)
+
+
+def _foundation(s: ShearFrame, how: str, mass: float, lever: float, moved: float) -> tuple[Coordinate, ...]:
+    """Mass, stiffness and damping of a foundation's motion. lever: of its stiffness; moved: mass that moves with it."""
+    k = _STIFFER * float(s.stiffness[0]) * lever
+    c = 2 * _RATIO * float(np.sqrt(k * moved))
+    return (
+        positive(f"{how}_mass", mass, 0.01 * mass, 30.0 * mass),
+        positive(f"{how}_stiffness", k, 0.02 * k, 200.0 * k),
+        positive(f"{how}_damping", c, 1e-3 * c, 100.0 * c),
+    )
 
 
 def ground_delay(sample_time: float) -> Term:
     """The ground channel is recorded late."""
-    late = (linear("outside_ground_delay", sample_time, -_LATE, _LATE),)
-    return Term("ground_delay", "sensor", late, ((2 * sample_time,), (-2 * sample_time,)))
+    late = linear("ground_delay", sample_time, -_LATE, _LATE)
+    return rival("ground_delay", (late,), (2 * sample_time,), (-2 * sample_time,), stage="sensor")
 
 
 def shaken(settings: Mapping[str, float], ground: Array, sample_time: float) -> Array:

@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -117,23 +115,26 @@ class Term:
         return f"{self.cause}:{self.form}" if self.form else self.cause
 
 
-class Form(NamedTuple):
-    """A form of an effect; see `Term`. name: empty for the plain form."""
-
-    name: str
-    coordinates: tuple[Coordinate, ...]
-    starts: tuple[tuple[float, ...], ...]
-    fixed: Mapping[str, float] = MappingProxyType({})
-    is_other: Callable[[Settings], bool] | None = None
-
-
-def declared(effect: str, *forms: Form, stage: str = "", place: int | None = None) -> tuple[Term, ...]:
-    """The terms of an effect, one of each form. stage: of an effect with a place."""
-    stage = stage or effects()[effect].stage
-    return tuple(
-        Term(effect, stage, f.coordinates, f.starts, place, f.name, dict(f.fixed), is_other=f.is_other)
-        for f in forms
-    )
+def term(
+    name: str,
+    coordinates: Sequence[Coordinate],
+    *starts: tuple[float, ...],
+    place: int | None = None,
+    stage: str = "",
+    prefix: str | None = None,
+    fixed: Mapping[str, float] | None = None,
+    is_other: Callable[[Settings], bool] | None = None,
+) -> Term:
+    """The term `EFFECT` or `EFFECT:FORM`. Coordinates and fixed settings have their names within the effect: a prefix
+    comes before them, without one the effect's name, and the place behind them. stage: of a rival."""
+    effect, _, form = name.partition(":")
+    rows = effects()
+    stage = stage or (rows[effect].stage if effect in rows else "structure")
+    before = f"{effect}_" if prefix is None else prefix
+    behind = "" if place is None else f"@{place}"
+    whole = tuple(replace(c, name=f"{before}{c.name}{behind}") for c in coordinates)
+    settings = {f"{before}{key}{behind}": value for key, value in (fixed or {}).items()}
+    return Term(effect, stage, whole, starts, place, form, settings, is_other=is_other)
 
 
 #: Range about a setting known from another channel, as a share of it, and in units of search about zero. In four opened

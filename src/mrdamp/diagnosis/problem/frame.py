@@ -207,10 +207,9 @@ class FrameRig(Simulator):
         x = np.hstack([[o[f"displacement_{j}"] for j in floors] for o in self._free_runs])
         drift = np.diff(x, axis=0, prepend=np.zeros((1, x.shape[1])))
         size, largest = np.sqrt(np.mean(drift**2, axis=1)), np.abs(drift).max(axis=1)
-        storeys = storey_rivals(self.structure, places, size, largest)
-        if places:
-            storeys += base_rivals(self.structure, self.sizes.sample_time)
-        return storeys if "damper" in self.clean else (*command_rivals(self.sizes), *storeys)
+        commands = () if "damper" in self.clean else command_rivals(self.sizes)
+        base = base_rivals(self.structure, self.sizes.sample_time) if places else ()
+        return (*commands, *storey_rivals(self.structure, places, size, largest), *base)
 
     def measured(self, record: int) -> Array:
         return np.vstack([self.records[record].channel(c) for c in self.channels])
