@@ -169,7 +169,6 @@ class DamperRig(Simulator):
 
     @property
     def still(self) -> bool:
-        """See `mrdamp.diagnosis.problem.rig.Rig`."""
         return all(float(np.ptp(r.command)) <= STEADY * self.sizes.command for r in self.records)
 
     @cached_property
@@ -179,11 +178,7 @@ class DamperRig(Simulator):
 
     @cached_property
     def rivals(self) -> tuple[Term, ...]:
-        """Causes outside the catalogue."""
         return (*command_rivals(self.sizes), *force_rivals(self.sizes))
-
-    def measured(self, record: int) -> Array:
-        return np.vstack([self.records[record].channel(c) for c in self.channels])
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         return self.simulate_together(settings, [record], coarse=coarse)[0]
@@ -207,7 +202,7 @@ class DamperRig(Simulator):
                 return self._runs([_Asked(some, replace(fine, u=command), pieces)])[0]
 
             sent, key = np.asarray(self.records[record].command), (record, fine.factor, pieces)
-            for rows, command, added in self.command_memory.commands(run, settings, sent, fine.u, key):
+            for rows, command, added in self.commands(run, settings, sent, fine.u, key):
                 asked.append(_Asked([settings[k] for k in rows], replace(fine, u=command), pieces))
                 places.append((place, rows, added))
         shape = len(settings), len(self.channels)
@@ -248,10 +243,9 @@ class DamperRig(Simulator):
 
         moved: (n,) m, added to the motion.
         """
-        r = self.records[record]
-        x, factor = self.motions[record], self._factor(r.sample_time, _COARSE)
+        x, dt = self.motions[record], self.records[record].sample_time
         x = x if moved is None else x + moved
-        inputs = upsampled(x, command, r.sample_time, factor, filtered=self.filtered, hold=self.hold)
+        inputs = self._upsampled(x, command, dt, self._factor(dt, _COARSE))
         columns = ("force", "reference")
         out = self._runs([_Asked([settings], inputs)], columns)[0][0]
         return dict(zip(columns, out, strict=True))
@@ -260,12 +254,15 @@ class DamperRig(Simulator):
         """Number of the chain's steps between samples, of about `step` (s) times the records' slowness."""
         return max(1, round(sample_time / (step * self.slow)))
 
+    def _upsampled(self, x: Array, command: Array, sample_time: float, factor: int) -> Fine:
+        return upsampled(x, command, sample_time, factor, filtered=self.filtered, hold=self.hold)
+
     def _fine(self, record: int, step: float) -> Fine:
         """A record's inputs at about this step (s), cached."""
-        factor = self._factor(self.records[record].sample_time, step)
+        r = self.records[record]
+        factor = self._factor(r.sample_time, step)
         if (record, factor) not in self._inputs:
-            r, x = self.records[record], self.motions[record]
-            fine = upsampled(x, r.command, r.sample_time, factor, filtered=self.filtered, hold=self.hold)
+            fine = self._upsampled(self.motions[record], r.command, r.sample_time, factor)
             self._inputs[record, factor] = fine
         return self._inputs[record, factor]
 
@@ -297,18 +294,14 @@ class DamperRig(Simulator):
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,) N: RMS force error due to the displacement noise that remains after smoothing."""
         r = self.records[record]
-        x = self.motions[record]
         level = noise_level(r.displacement)
         rng = np.random.default_rng(np.random.SeedSequence(_NOISE_SEED, spawn_key=(record,)))
-        again = x + level * rng.standard_normal(r.n)
+        again = self.motions[record] + level * rng.standard_normal(r.n)
         again = again if self.as_logged else smoothed(again, level)
         inputs = self._fine(record, _COARSE)
-        disturbed = upsampled(
-            again, r.command, r.sample_time, inputs.factor, filtered=self.filtered, hold=self.hold
-        )
+        disturbed = self._upsampled(again, r.command, r.sample_time, inputs.factor)
         with_noise, without = self._runs([_Asked([settings], disturbed), _Asked([settings], inputs)])
-        change = with_noise - without
-        kept = change[0][:, compared(r.n, r.sample_time)]
+        kept = (with_noise - without)[0][:, compared(r.n, r.sample_time)]
         return np.asarray(np.sqrt(np.mean(kept**2, axis=1)))
 
     @cached_property
@@ -318,21 +311,17 @@ class DamperRig(Simulator):
         return self.limits("displacement_m", self.sizes.stroke, v, _BAND, self.records)
 
     def admitted(self, signal: Signal, settings: Settings) -> Signal:
-        """The signal: its motion is limited already."""
-        return signal
+        return signal  # its motion is limited already
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
-        """Simulated channels (sets, channels, n) of a proposed test."""
         factor = self._factor(self.sizes.sample_time, _ROUGH)
         inputs = upsampled(signal.motion, signal.command, self.sizes.sample_time, factor, hold=self.hold)
         return self._runs([_Asked(settings, inputs)])[0]
 
     def noise_share(self, record: int) -> float:
-        """1: records are compared without averaging."""
-        return 1.0
+        return 1.0  # records are compared without averaging
 
     def conditions(self, record: int) -> dict[str, Array]:
-        """Variables for the regimes of the gap: name with unit -> (n,)."""
         r, v = self.records[record], self.velocity(record)
         return {
             "velocity (m/s)": v,

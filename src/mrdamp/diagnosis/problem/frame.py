@@ -211,9 +211,6 @@ class FrameRig(Simulator):
         base = base_rivals(self.structure, self.sizes.sample_time) if places else ()
         return (*commands, *storey_rivals(self.structure, places, size, largest), *base)
 
-    def measured(self, record: int) -> Array:
-        return np.vstack([self.records[record].channel(c) for c in self.channels])
-
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         r = self.raw[record]
         factor, _, fine = self._driven(record, coarse)
@@ -224,7 +221,7 @@ class FrameRig(Simulator):
 
         key = (record, factor, self._step(record, coarse))
         out = np.empty((len(settings), len(self.columns), len(fine)))
-        for rows, command, added in self.command_memory.commands(run, settings, np.asarray(r.command), fine, key):
+        for rows, command, added in self.commands(run, settings, np.asarray(r.command), fine, key):
             out[rows] = run([settings[k] for k in rows], command) + added
         if factor > 1:
             out = logged(out, self._filtered[record])
@@ -244,7 +241,6 @@ class FrameRig(Simulator):
         return block_means(np.vstack([simulated[c] for c in self.channels]), self._blocks[record])
 
     def rougher(self, terms: Sequence[Term]) -> FrameRig | None:
-        """The same rig with longer steps in a search."""
         return self._rough
 
     @cached_property
@@ -254,8 +250,7 @@ class FrameRig(Simulator):
         return replace(self, **longer) if longer != steps else None
 
     def input_noise(self, settings: Settings, record: int) -> Array:
-        """(channels,), zero: the table's motion and the command are taken as exact."""
-        return np.zeros(len(self.channels))
+        return np.zeros(len(self.channels))  # the table's motion and the command are taken as exact
 
     def noise_share(self, record: int) -> float:
         """Ratio of the noise after averaging over `block` samples to the white noise of a record."""
@@ -263,11 +258,9 @@ class FrameRig(Simulator):
 
     @property
     def still(self) -> bool:
-        """See `mrdamp.diagnosis.problem.rig.Rig`: a frame's causes outside its driver are told by its floors."""
-        return False
+        return False  # a frame's causes outside its driver are told by its floors
 
     def conditions(self, record: int) -> dict[str, Array]:
-        """Variables for the regimes of the gap: name with unit -> (n,)."""
         r, (low, high) = self.records[record], self.structure.damper_between
         stroke = self._floor(record, high) - self._floor(record, low)
         out = {
@@ -299,7 +292,7 @@ class FrameRig(Simulator):
         return self.limits(ground, strongest, None, _BAND, self.raw)
 
     def admitted(self, signal: Signal, settings: Settings) -> Signal:
-        """See `mrdamp.diagnosis.problem.rig.Rig`. What the records reach is that of the nominal simulator on them."""
+        """What the records reach is that of the nominal simulator on them."""
         floors = range(1, self.structure.storeys + 1)
         names = ("stroke", "stroke_velocity", *(f"acceleration_{j}" for j in floors))
         most = {name: max(float(np.abs(run[name]).max()) for run in self._free_runs) for name in names}
@@ -312,7 +305,6 @@ class FrameRig(Simulator):
         return signal
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
-        """Simulated channels (sets, channels, n) of a proposed test."""
         return np.array([[o[c] for c in self.columns] for o in self._tried(settings, signal)])
 
     def _tried(self, settings: Sequence[Settings], signal: Signal) -> list[dict[str, Array]]:

@@ -22,7 +22,6 @@ class Together(Protocol):
         self, settings: Sequence[Settings], records: Sequence[int], *, coarse: bool = False
     ) -> list[Array]:
         """`Rig.simulate` of each record."""
-        ...
 
 
 class Rig(Protocol):
@@ -35,7 +34,6 @@ class Rig(Protocol):
     @property
     def threads(self) -> int:
         """Number of simulations in parallel."""
-        ...
 
     @property
     def records(self) -> tuple[Record, ...]: ...
@@ -52,64 +50,50 @@ class Rig(Protocol):
     @property
     def rivals(self) -> tuple[Term, ...]:
         """Causes outside the catalogue, with which its effects are compared."""
-        ...
 
     @property
     def still(self) -> bool:
         """True if the command hardly changes in any record, so that nothing is seen of what acts only while it does."""
-        ...
 
     def measured(self, record: int) -> Array:
         """(channels, n) of a record."""
-        ...
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         """(sets, channels, n): free runs with settings in place of, or in addition to, the nominal ones.
 
         coarse: a longer inner step suffices, as in a search. May raise InputError; NaN if a run diverged.
         """
-        ...
 
     def driven(self, record: int) -> Record:
         """The record as measured: the input of `mrdamp predict`."""
-        ...
 
     def compared(self, simulated: Mapping[str, Array], record: int) -> Array:
         """(channels, n): simulated channels of a measured record at the rate of the comparison."""
-        ...
 
     def rougher(self, terms: Sequence[Term]) -> Rig | None:
         """The same rig with longer steps in a search if runs with these terms are slow; else None."""
-        ...
 
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,): RMS change of the simulated channels due to noise of the measured inputs."""
-        ...
 
     def noise_share(self, record: int) -> float:
         """Factor on the noise levels of the channels in a record."""
-        ...
 
     @property
     def envelope(self) -> Envelope:
         """Limits of a test."""
-        ...
 
     def admitted(self, signal: Signal, settings: Settings) -> Signal:
         """The test, scaled down so far that a simulator with these settings moves no more in it than the records do."""
-        ...
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a proposed test."""
-        ...
 
     def conditions(self, record: int) -> dict[str, Array]:
         """Variables for the regimes of the gap: name with unit -> (n,)."""
-        ...
 
     def model(self, settings: Mapping[str, float]) -> Model:
         """The simulator with these settings, as a file contains it."""
-        ...
 
 
 def models_of(rig: Rig, settings: Iterable[Settings], most: int) -> tuple[Model, ...]:

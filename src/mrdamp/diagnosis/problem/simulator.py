@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,12 +13,17 @@ import numpy as np
 from mrdamp.diagnosis.hypotheses.damper_effects import nominal_coordinates, widened
 from mrdamp.diagnosis.hypotheses.nominal_effects import effect_coordinates, merged
 from mrdamp.diagnosis.hypotheses.outside import inside_of
-from mrdamp.diagnosis.hypotheses.terms import Coordinate, Sizes, Term
-from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, log_entry
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
+from mrdamp.diagnosis.problem.command_memory import ALONG, MEMORY, log_entry
 from mrdamp.diagnosis.problem.designs import Envelope
+from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.model import Effect, Model, effects_from
+from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.log_filter import AS_SENT, LOG, without_waves
 
+#: Channels (sets, channels, m) of settings under a command (m,).
+Run = Callable[[Sequence[Settings], Array], Array]
 #: Commands that change by no more than this share of the largest one show nothing of what depends on them; measured
 #: commands that are meant to be constant wobble by up to 1.4 %.
 STEADY = 0.05
@@ -44,13 +49,42 @@ class Simulator(ABC):
 
     @cached_property
     def base(self) -> dict[str, float]:
-        """The nominal settings."""
-        return base_settings(self.nominal_model)
+        """The nominal settings, with the file's entry on the log."""
+        along = {ALONG: 1.0} if self.nominal_model.extra.get(LOG) == AS_SENT else {}
+        return dict(self.nominal_model.attributes) | along
 
     @cached_property
-    def command_memory(self) -> CommandMemory:
-        """Of the stages with memory of the command."""
-        return CommandMemory(self.base)
+    def _ringing(self) -> dict[Hashable, tuple[Array, Array] | None]:
+        """By key of `commands`: the command without its log's ringing, and what this adds to the channels."""
+        return {}
+
+    def commands(
+        self, run: Run, settings: Sequence[Settings], logged: Array, fine: Array, key: Hashable
+    ) -> list[tuple[list[int], Array, Array | float]]:
+        """Which settings run under which command (m,), and what is added to their channels (channels, m): stages with
+        memory see the command without the log's ringing.
+
+        The command as logged (n,) and at the time steps of the run (m,). The channels contain the same filter's
+        ringing: it is added as the simulator without memory gives it. key: of the record and the run's steps.
+        """
+        rows = [
+            k
+            for k, s in enumerate(settings)
+            if s.get(MEMORY, self.base.get(MEMORY, 0.0)) and not (ALONG in self.base or ALONG in s)
+        ]
+        if rows and key not in self._ringing:
+            without, off = without_waves(logged, fine), [{MEMORY: 0.0}]
+            added = None if without is None else (run(off, fine) - run(off, without))[0]
+            self._ringing[key] = None if without is None or added is None else (without, added)
+        ringing = self._ringing[key] if rows else None
+        if ringing is None:
+            return [([*range(len(settings))], fine, 0.0)]
+        others = [k for k in range(len(settings)) if k not in set(rows)]
+        return [(rows, *ringing), *([(others, fine, 0.0)] if others else [])]
+
+    def measured(self: Rig, record: int) -> Array:
+        """(channels, n) of a record."""
+        return np.vstack([self.records[record].channel(c) for c in self.channels])
 
     def numbers(
         self, catalogue: Sequence[Term], records: Sequence[Record], factor: float, which: Callable[[str], bool]
