@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
-from mrdamp.diagnosis.evidence import judgement
+from mrdamp.diagnosis.attribution.stages import changes, stage_shares
 from mrdamp.diagnosis.fits import alternative_forms, screening
 from mrdamp.diagnosis.fits.final import final_fit, least_left_out
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
@@ -191,7 +190,7 @@ def test_a_free_law_gets_what_it_changed_and_not_what_it_could_take() -> None:
     x = np.concatenate([np.asarray(rig.records[k].displacement)[problem.taken(k)] for k in problem.records])
     cubic, gain = 0.5 * x**3 * problem.weights, 0.02 * x * problem.weights
     expected = np.array([cubic @ (cubic + gain), gain @ (cubic + gain)])
-    found = Changes.of(search, chosen).table.sum(axis=0)
+    found = changes(search, chosen).sum(axis=0)
     assert found / found.sum() == pytest.approx(expected / expected.sum(), abs=0.02)
     assert found[0] > 10 * found[1]
 

@@ -14,17 +14,18 @@ exact.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from mrdamp.diagnosis.attribution.shares import Intervals, Shares, intervals, of_total
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
-from mrdamp.diagnosis.attribution.stages import stage_shares
+from mrdamp.diagnosis.attribution.stages import LAW_STAGE, stage_shares
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.channels.balances import BAND, Balances
+from mrdamp.diagnosis.channels.balances import BAND, Balances, damper_sign
 from mrdamp.diagnosis.constants import BLOCK_FAULT
-from mrdamp.diagnosis.evidence.resample import SECONDS, Interval, draws, group_sums, interval
+from mrdamp.diagnosis.evidence.resample import SECONDS, draws, group_sums
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import STAGES
@@ -63,14 +64,10 @@ class Block:
         """True if noise alone explains the gap."""
         return self.gap < BLOCK_FAULT * self.noise
 
-    @property
-    def excess(self) -> float:
-        """Mean square of the gap beyond the noise; 0 for a clean block."""
-        return 0.0 if self.clean else self.gap**2 - self.noise**2
-
-    def drawn_excess(self, draw: int) -> float:
-        """The same in a bootstrap draw."""
-        return 0.0 if self.clean else max(float(self.drawn[draw]) - self.noise**2, 0.0)
+    def excess(self, draw: int | None = None) -> float:
+        """Mean square of the gap beyond the noise, perhaps in a bootstrap draw; 0 for a clean block."""
+        square = self.gap**2 if draw is None else float(self.drawn[draw])
+        return 0.0 if self.clean else max(square - self.noise**2, 0.0)
 
 
 def blocks(case: Case) -> tuple[Block, ...]:
@@ -102,14 +99,10 @@ def blocks(case: Case) -> tuple[Block, ...]:
     return tuple(out)
 
 
-Shares = dict[str, float]
-Intervals = dict[str, Interval]
-
-
 def place_shares(found: Sequence[Block]) -> tuple[Shares, Intervals]:
     """Share of each block in the sum of excesses, adding up to 1, and 95 % intervals; all 0 and none if no block is
     faulty."""
-    return _of_total({b.name: b.excess for b in found}), _intervals(_drawn_places(found))
+    return _places(found), intervals([_places(found, draw) for draw in _draws(found)])
 
 
 def shares_by_stage(
@@ -131,39 +124,27 @@ def shares_by_stage(
     nearest, _ = stage_shares(search, chosen, verdict)
     if search.looks_like is not None:
         return {s: nearest.get(s, 0.0) for s in STAGES}, {}
-    rows = [
-        _of_blocks(found, evidence.at(k) if evidence else nearest, places)
-        for k, places in enumerate(_drawn_places(found))
-    ]
-    places = _of_total({b.name: b.excess for b in found})
-    return _of_blocks(found, evidence.at() if evidence else nearest, places), _intervals(rows)
+
+    def shares(draw: int | None = None) -> Shares:
+        return _of_blocks(found, evidence.at(draw) if evidence else nearest, _places(found, draw))
+
+    return shares(), intervals([shares(draw) for draw in _draws(found)])
 
 
-def _drawn_places(found: Sequence[Block]) -> list[Shares]:
-    """Shares of the blocks in bootstrap draws; empty if no block is faulty."""
-    if all(b.clean for b in found):
-        return []
-    return [_of_total({b.name: b.drawn_excess(k) for b in found}) for k in range(len(found[0].drawn))]
+def _places(found: Sequence[Block], draw: int | None = None) -> Shares:
+    return of_total({b.name: b.excess(draw) for b in found})
 
 
-def _intervals(rows: Sequence[Shares]) -> Intervals:
-    """95 % intervals of drawn shares."""
-    return {name: interval(np.array([row[name] for row in rows])) for name in rows[0]} if rows else {}
+def _draws(found: Sequence[Block]) -> range:
+    """Bootstrap draws; none if no block is faulty."""
+    return range(0 if all(b.clean for b in found) else len(found[0].drawn))
 
 
-def _of_total(values: Mapping[str, float]) -> dict[str, float]:
-    total = sum(values.values())
-    return {name: v / total if total > 0 else 0.0 for name, v in values.items()}
-
-
-def _of_blocks(
-    found: Sequence[Block], nearest: dict[str, float], places: Mapping[str, float]
-) -> dict[str, float]:
+def _of_blocks(found: Sequence[Block], nearest: Shares, places: Shares) -> Shares:
     if not sum(places.values()) > 0:
         return {s: nearest.get(s, 0.0) for s in STAGES}
-    damper = {s: nearest.get(s, 0.0) for s in STAGES if s not in ("sensor", "structure")}
-    whole = sum(damper.values())
-    damper = {s: v / whole for s, v in damper.items()} if whole > 0 else {"fluid": 1.0}
+    damper = of_total({s: nearest.get(s, 0.0) for s in STAGES if s not in ("sensor", "structure")})
+    damper = damper if sum(damper.values()) > 0 else {LAW_STAGE: 1.0}
     out = dict.fromkeys(STAGES, 0.0)
     for b in found:
         parts = damper if b.kind == "damper" else {_STAGE[b.kind]: 1.0}
@@ -181,14 +162,9 @@ def _errors(model: Model, s: ShearFrame, r: Record) -> dict[tuple[str, int], tup
         out["accelerometer", j] = (found.read[j] - found.moved[j])[keep], found.moved[j][keep]
     for j in found.shear:
         out["storey", j] = found.storey_error(j)[keep], found.shear[j][keep]
-    low, high = sorted(s.damper_between)
-    measured = [0, *(j for j in range(1, s.storeys + 1) if f"floor{j}_displacement_m" in r.channels)]
-    if "force_N" in r.channels and low in measured and high in measured:
-        sign = 1.0 if s.damper_between[1] > s.damper_between[0] else -1.0
-        along, velocity = stroke(r, low, high)
-        answer = core.run(
-            model.law, model.attributes, dt, sign * along, sign * velocity, u=r.command, narx=model.narx
-        )["force"]
+    if {"force_N", *(f"floor{j}_displacement_m" for j in s.damper_between if j)} <= set(r.channels):
+        x, v = stroke(r, s)
+        answer = core.run(model.law, model.attributes, dt, x, v, u=r.command, narx=model.narx)["force"]
         force = lowpass(r.channel("force_N"), dt, BAND)
         out["damper", 0] = (lowpass(answer, dt, BAND) - force)[keep], force[keep]
     return out
@@ -202,11 +178,13 @@ def _simulated(model: Model, r: Record, seed: int) -> Record:
     return r.with_channels({name: run[name] + noise[name] * rng.standard_normal(r.n) for name in noise})
 
 
-def stroke(r: Record, low: int, high: int) -> tuple[Array, Array]:
-    """Displacement (m) and velocity (m/s) of floor `high` relative to floor `low`, (n,).
+def stroke(r: Record, s: ShearFrame) -> tuple[Array, Array]:
+    """Displacement (m) and velocity (m/s) of the damper, (n,), in its sign convention.
 
     Displacements and accelerations are combined by frequency, with Wiener weights for white noise in both.
     """
+    low, high = sorted(s.damper_between)
+    sign = damper_sign(s)
     x = r.channel(f"floor{high}_displacement_m") - (r.channel(f"floor{low}_displacement_m") if low else 0.0)
     readings = [
         r.channels.get(f"floor{k}_acceleration_m_s2") if k else r.channel("ground_acceleration_m_s2")
@@ -214,13 +192,14 @@ def stroke(r: Record, low: int, high: int) -> tuple[Array, Array]:
     ]
     if readings[0] is None or readings[1] is None:
         smooth = smoothed(x)
-        return smooth, derivative(smooth, r.sample_time)
+        return sign * smooth, sign * derivative(smooth, r.sample_time)
     a = readings[1] - readings[0]
     n = 2 * r.n  # zero padding against wrap-around
     omega = 2 * np.pi * np.fft.rfftfreq(n, r.sample_time)
     ratio = (noise_level(x) / max(noise_level(a), 1e-12)) ** 2
     spectrum = (np.fft.rfft(x, n) - ratio * omega**2 * np.fft.rfft(a, n)) / (1 + ratio * omega**4)
-    return np.fft.irfft(spectrum, n)[: r.n], np.fft.irfft(1j * omega * spectrum, n)[: r.n]
+    both = np.fft.irfft(spectrum, n), np.fft.irfft(1j * omega * spectrum, n)
+    return sign * both[0][: r.n], sign * both[1][: r.n]
 
 
 def _by_second(error: Array, sample_time: float) -> Array:

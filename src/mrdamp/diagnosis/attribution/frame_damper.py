@@ -67,12 +67,10 @@ def damper_alone(case: Case) -> DamperRig:
     displacement."""
     model, structure = case.model, case.model.structure
     assert structure is not None
-    low, high = sorted(structure.damper_between)
-    sign = 1.0 if structure.damper_between[1] > structure.damper_between[0] else -1.0
     records = []
     for r in case.records:
-        motion = {"displacement_m": sign * stroke(r, low, high)[0], "command": np.asarray(r.command)}
-        records.append(Record(r.name, None, r.sample_time, motion | {"force_N": np.asarray(r.channel("force_N"))}))
+        read = {name: np.asarray(r.channel(name)) for name in ("command", "force_N")}
+        records.append(Record(r.name, None, r.sample_time, {"displacement_m": stroke(r, structure)[0], **read}))
     effects = tuple(e for e in model.effects if e.place is None)
     own = Model(model.law, model.parameters, effects, weights=model.weights, name=model.name, extra=model.extra)
     return DamperRig(own, tuple(records))

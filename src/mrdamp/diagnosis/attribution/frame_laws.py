@@ -6,7 +6,7 @@ only if no other law, identified on the same records, makes it needless.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,16 +18,12 @@ from mrdamp.diagnosis.constants import LAW_FORMS, LAW_NEEDLESS, MATERIAL
 from mrdamp.diagnosis.fits.final import FinalFit, heldout
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
-from mrdamp.diagnosis.problem.baseline_law import LAWS, fitted_along
+from mrdamp.diagnosis.problem.baseline_law import LAWS, fitted_along, identified, richest
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.make import with_model
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
-from mrdamp.errors import InputError
-from mrdamp.identify import identify
-from mrdamp.identify.laws import DEPENDENCES, Scales
 from mrdamp.model import Model
 from mrdamp.model.core import Array
-from mrdamp.records import Record
 
 #: Local fits of each law.
 _STARTS = 2
@@ -81,19 +77,9 @@ def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> Ot
     held = {name: value for name, value in chosen.settings.items() if name in names}
     alone = damper_alone(case).records
 
-    def fitted(law: str, records: Sequence[Record], start: Model | None = None) -> Model | None:
-        levels = Scales.of(records).levels
-        dependence = [name for name, need in DEPENDENCES.items() if need <= levels][-1]
-        begin, starts = (None, _STARTS) if start is None else (start.attributes, 1)
-        try:
-            return identify(
-                law, records, extras=extras, dependence=dependence, start=begin, starts=starts, threads=threads,
-                hold=bool(case.model.hold),
-            ).model  # fmt: skip
-        except InputError:
-            return None
-
-    laws = {law: found for law in LAWS if (found := fitted(law, alone)) is not None}
+    how = {"extras": extras, "hold": bool(case.model.hold), "threads": threads}
+    each = {law: identified(law, alone, dependence=richest(alone), starts=_STARTS, **how) for law in LAWS}
+    laws = {law: found for law, found in each.items() if found is not None}
     models = {law: with_law(rig.nominal_model, found) for law, found in laws.items()}
     costs = {law: problem.cost(gaps_with(problem, model, held)) for law, model in models.items()}
     left = heldout(problem, chosen)
@@ -103,7 +89,8 @@ def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> Ot
     gap, before = (pooled(gaps) for gaps in (gaps_with(problem, models[law], held), left))
     left_out = np.full(len(problem.blocks), np.inf)
     for k in problem.records if not kept else ():
-        found = fitted(law, [r for j, r in enumerate(alone) if j != k], laws[law])
+        rest, start = [r for j, r in enumerate(alone) if j != k], laws[law].attributes
+        found = identified(law, rest, dependence=richest(rest), start=start, starts=1, **how)
         if found is not None:
             own = [b.record == k for b in problem.blocks]
             left_out[own] = gaps_with(problem, with_law(rig.nominal_model, found))[own]

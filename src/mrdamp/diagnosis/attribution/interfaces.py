@@ -36,11 +36,6 @@ class Parts:
     found: tuple[Measured, ...]
     drawn: Array
 
-    @classmethod
-    def none(cls) -> Parts:
-        """No measured interface."""
-        return cls((), np.zeros((0, 0)))
-
 
 def parts(rig: DamperRig, noise: float) -> Parts:
     """Shares of the nominal simulator's gap by part. noise (N): standard deviation of force_N's noise.
@@ -48,9 +43,10 @@ def parts(rig: DamperRig, noise: float) -> Parts:
     Records are weighted by their gaps: each error is divided by the RMS of its force. A displacement that is
     measured with a delay belongs to the part from the current to the load cell, whose input it is.
     """
+    none = Parts((), np.zeros((0, 0)))
     inner = [n for n in ("current_A", "reference_force_N") if all(n in r.channels for r in rig.records)]
     if not inner or "force_N" not in rig.channels:
-        return Parts.none()
+        return none
     sums = []
     for k, record in enumerate(rig.records):
         errors, force = _errors(rig, k, inner)
@@ -67,7 +63,7 @@ def parts(rig: DamperRig, noise: float) -> Parts:
     drawn = draws(len(table)) @ table[:, :-1]
     shares = _shares(table[None, :, :-1].sum(axis=1))[0]
     if interval(drawn.sum(axis=1))[0] <= 0:
-        return Parts.none()  # no gap beyond the noise
+        return none  # no gap beyond the noise
     spread = _shares(drawn)
     ends = ("command", *inner, "force_N")
     found = tuple(

@@ -2,7 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamp.diagnosis.evidence.resample import Interval, interval
+
+Shares = dict[str, float]
+Intervals = dict[str, Interval]
+
+
+def of_total(values: Mapping[str, float], nothing: float = 0.0) -> Shares:
+    """Shares that add up to 1; each is `nothing` if the total is."""
+    total = sum(values.values())
+    return {name: v / total if total > 0 else nothing for name, v in values.items()}
+
+
+def intervals(drawn: Sequence[Shares]) -> Intervals:
+    """95 % intervals of shares in bootstrap draws; none without draws."""
+    return {name: interval(np.array([row[name] for row in drawn])) for name in drawn[0]} if drawn else {}
 
 
 @dataclass(frozen=True)

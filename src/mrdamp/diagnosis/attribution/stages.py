@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.diagnosis.attribution.shares import Measured, Regime
+from mrdamp.diagnosis.attribution.shares import Intervals, Measured, Regime, Shares, intervals, of_total
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
-from mrdamp.diagnosis.evidence.resample import Interval, draws, group_sums, interval, seconds
+from mrdamp.diagnosis.evidence.resample import draws, group_sums, seconds
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import STAGES, Settings
@@ -29,7 +28,7 @@ def stage_shares(
     drawn: Array | None = None,
     evidence: StageEvidence | None = None,
     causes: Mapping[str, float] | None = None,
-) -> tuple[dict[str, float], dict[str, Interval]]:
+) -> tuple[Shares, Intervals]:
     """Shares of the gap by stage, adding up to 1, and their 95 % intervals by bootstrap over seconds; none if the
     shares follow by definition.
 
@@ -41,9 +40,9 @@ def stage_shares(
     """
     stages = [s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)]
     if verdict == "effect" and chosen.hypothesis.terms:
-        table = Changes.of(search, chosen).table
+        table = changes(search, chosen)
         rows = [_of_changes(stages, sums, chosen) for sums in draws(len(table)) @ table]
-        return _of_changes(stages, table.sum(axis=0), chosen), _intervals(rows)
+        return _of_changes(stages, table.sum(axis=0), chosen), intervals(rows)
     if verdict != "unknown":
         return {s: float(s == LAW_STAGE) for s in stages}, {}
     if search.looks_like is not None:
@@ -56,73 +55,53 @@ def stage_shares(
     if evidence is None:
         of = {t.cause: t.stage for t in search.problem.rig.terms}
         known = {s: sum(p for cause, p in (causes or {}).items() if of.get(cause) == s) for s in stages}
-        total = sum(known.values())
-        shares = {s: p / total if total > 0 else 1 / len(stages) for s, p in known.items()}
-        return within([m.share for m in measured], shares), {}
+        return within([m.share for m in measured], of_total(known, 1 / len(stages))), {}
     parts = np.zeros((len(evidence.values) - 1, len(measured))) if drawn is None else drawn
     rows = [within(own.tolist(), evidence.at(k)) for k, own in enumerate(parts)]
-    return within([m.share for m in measured], evidence.at()), _intervals(rows)
+    return within([m.share for m in measured], evidence.at()), intervals(rows)
 
 
-def _intervals(rows: Sequence[Mapping[str, float]]) -> dict[str, Interval]:
-    return {s: interval(np.array([row[s] for row in rows])) for s in rows[0]}
+def changes(search: Search, chosen: Fit) -> Array:
+    """Changes by the parts of a corrected simulator, its causes in their order, then the nominal parameters: sums
+    (seconds, parts) of a part's change times the whole change, over samples weighted as the residuals are.
 
-
-@dataclass(frozen=True, eq=False)
-class Changes:
-    """Changes by the parts of a corrected simulator: its causes in their order, then the nominal parameters.
-
-    table (seconds, parts): sums of a part's change times the whole change, over samples weighted as the
-    residuals are. A part's change is its Shapley value: the mean over all orders of switching the parts on
-    with their fitted parameters. Nothing is fitted again, because a law that is refitted without a cause
-    compensates for it.
+    A part's change is its Shapley value: the mean over all orders of switching the parts on with their fitted
+    parameters. Nothing is fitted again, because a law that is refitted without a cause compensates for it.
     """
-
-    table: Array
-
-    @classmethod
-    def of(cls, search: Search, chosen: Fit) -> Changes:
-        """Changes of a fit with causes."""
-        hypothesis = chosen.hypothesis
-        values = [c.value(float(q)) for c, q in zip(hypothesis.coordinates, chosen.point, strict=True)]
-        settings: dict[str, Settings] = {cause: {} for cause in hypothesis.causes}
-        at = len(hypothesis.nominal)
-        law = {c.name: v for c, v in zip(hypothesis.nominal, values[:at], strict=True)}
-        for term in hypothesis.terms:
-            count = len(term.coordinates)
-            own = dict(zip([c.name for c in term.coordinates], values[at : at + count], strict=True))
-            settings[term.cause] |= dict(term.fixed) | own
-            at += count
-        parts = [*settings.values(), law]
-        n = len(parts)
-        sets: list[Settings] = [
-            {k: v for i, p in enumerate(parts) if bits >> i & 1 for k, v in p.items()} for bits in range(2**n)
-        ]
-        rows = search.problem.of_settings(sets)
-        change = np.zeros((search.problem.samples, n))
-        for i in range(n):
-            for bits in (b for b in range(2**n) if not b >> i & 1):
-                inside = bits.bit_count()
-                weight = math.factorial(inside) * math.factorial(n - inside - 1) / math.factorial(n)
-                change[:, i] += weight * (rows[bits | 1 << i] - rows[bits])
-        whole = rows[-1] - rows[0]
-        return cls(group_sums(change * whole[:, None], seconds(search.problem)))
+    hypothesis, q = chosen.hypothesis, iter(chosen.point.tolist())
+    law: Settings = {c.name: c.value(next(q)) for c in hypothesis.nominal}
+    settings: dict[str, Settings] = {cause: {} for cause in hypothesis.causes}
+    for term in hypothesis.terms:
+        settings[term.cause] |= dict(term.fixed) | {c.name: c.value(next(q)) for c in term.coordinates}
+    parts = [*settings.values(), law]
+    n = len(parts)
+    sets: list[Settings] = [
+        {k: v for i, p in enumerate(parts) if bits >> i & 1 for k, v in p.items()} for bits in range(2**n)
+    ]
+    rows = search.problem.of_settings(sets)
+    change = np.zeros((search.problem.samples, n))
+    for i in range(n):
+        for bits in (b for b in range(2**n) if not b >> i & 1):
+            inside = bits.bit_count()
+            weight = math.factorial(inside) * math.factorial(n - inside - 1) / math.factorial(n)
+            change[:, i] += weight * (rows[bits | 1 << i] - rows[bits])
+    whole = rows[-1] - rows[0]
+    return group_sums(change * whole[:, None], seconds(search.problem))
 
 
 def _of_changes(stages: Sequence[str], sums: Array, chosen: Fit) -> dict[str, float]:
-    """Shares of the stages from the sums (parts,) of `Changes`."""
+    """Shares of the stages from the sums (parts,) of `changes`."""
     shares = dict.fromkeys(stages, 0.0)
     stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
     for name, value in zip([*(stage[c] for c in chosen.hypothesis.causes), LAW_STAGE], sums, strict=True):
         shares[name] = shares.get(name, 0.0) + max(float(value), 0.0)
-    total = sum(shares.values())
-    return {s: v / total if total > 0 else 1 / len(shares) for s, v in shares.items()}
+    return of_total(shares, 1 / len(shares))
 
 
 def cause_shares(search: Search, chosen: Fit) -> dict[str, float]:
     """Share of the gap beyond the noise that each named cause explains: what the fit explains, divided by the causes'
-    parts in its change (`Changes`)."""
-    sums = np.maximum(Changes.of(search, chosen).table.sum(axis=0), 0.0)
+    parts in its change (`changes`)."""
+    sums = np.maximum(changes(search, chosen).sum(axis=0), 0.0)
     parts = (1 - search.unexplained(chosen)) * sums / max(float(sums.sum()), 1e-300)
     return dict(zip(chosen.hypothesis.causes, parts[:-1].tolist(), strict=True))
 
@@ -156,8 +135,7 @@ def record_shares(problem: Problem, residual: Array) -> dict[str, float]:
     for b, value in zip(problem.blocks, squares, strict=True):
         name = problem.rig.records[b.record].name
         out[name] = out.get(name, 0.0) + float(value)
-    total = sum(out.values()) or 1.0
-    return {name: value / total for name, value in out.items()}
+    return of_total(out)
 
 
 def regimes(

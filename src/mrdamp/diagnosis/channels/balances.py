@@ -29,6 +29,11 @@ def has_damper(s: ShearFrame, storey: int) -> bool:
     return low < storey <= high
 
 
+def damper_sign(s: ShearFrame) -> float:
+    """Of the damper's force and stroke: 1 if it goes from a floor to a higher one."""
+    return 1.0 if s.damper_between[1] > s.damper_between[0] else -1.0
+
+
 @dataclass(frozen=True)
 class Balances:
     """A record's band-passed signals, (n,) each, by number of the storey or floor.
@@ -65,8 +70,7 @@ class Balances:
             for j in floors
             if f"floor{j}_acceleration_m_s2" in r.channels
         }
-        sign = 1.0 if s.damper_between[1] > s.damper_between[0] else -1.0
-        force = sign * lowpass(r.channel("force_N"), dt, BAND) if "force_N" in r.channels else None
+        force = damper_sign(s) * lowpass(r.channel("force_N"), dt, BAND) if "force_N" in r.channels else None
         drift, shear = {}, {}
         for j in floors:
             above = range(j, s.storeys + 1)

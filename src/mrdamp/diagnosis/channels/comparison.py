@@ -92,13 +92,21 @@ def compared(records: Sequence[Record], terms: Sequence[Term], base: Settings) -
     shared = set.intersection(*(set(r.channels) for r in records))
     out = []
     if {"force_N", "reference_force_N"} <= shared:
-        own = {k: v for k, v in base.items() if k.startswith("sensor_")}
+        sensor = {k: v for k, v in base.items() if k.startswith("sensor_")}
+
+        def read(r: Record, settings: Settings) -> Array:
+            return through_chain(np.asarray(r.channel("reference_force_N")), r.sample_time, sensor | settings)
+
         of_sensor = [t for t in terms if t.stage == "sensor" and t.effect.startswith("sensor_")]
-        out += _explained(records, ("reference_force_N", "force_N"), of_sensor, _through_sensor(own))
+        out += _explained(records, ("reference_force_N", "force_N"), of_sensor, read)
     if "current_A" in shared and _same_unit(records):
-        own = {k: v for k, v in base.items() if k.startswith(("driver_", "command_"))}
+        driver = {k: v for k, v in base.items() if k.startswith(("driver_", "command_"))}
+
+        def driven(r: Record, settings: Settings) -> Array:
+            return through_chain(np.zeros(r.n), r.sample_time, driver | settings, np.asarray(r.command), "current")
+
         of_driver = [t for t in terms if t.stage == "driver"]
-        out += _explained(records, ("command", "current_A"), of_driver, _through_driver(own))
+        out += _explained(records, ("command", "current_A"), of_driver, driven)
     return tuple(out)
 
 
@@ -122,22 +130,6 @@ def through_chain(
     still = np.zeros(len(reading))
     attributes = PASSES | settings
     return core.run("bingham", attributes, sample_time, reading, still, still, command, columns=(column,))[column]
-
-
-def _through_sensor(own: Settings) -> Simulate:
-    def simulate(record: Record, settings: Settings) -> Array:
-        reading = np.asarray(record.channel("reference_force_N"))
-        return through_chain(reading, record.sample_time, own | settings)
-
-    return simulate
-
-
-def _through_driver(own: Settings) -> Simulate:
-    def simulate(record: Record, settings: Settings) -> Array:
-        still, command = np.zeros(record.n), np.asarray(record.channel("command"))
-        return through_chain(still, record.sample_time, own | settings, command, "current")
-
-    return simulate
 
 
 def _explained(

@@ -81,21 +81,16 @@ def baseline_law(
     # Both halves have commands of all kinds and sizes, whatever the order of the files.
     ordered = sorted(baseline, key=lambda r: (np.ptp(r.command), np.mean(r.command), np.std(r.channel("force_N"))))
     parts = (ordered[::2], ordered[1::2])
-    levels = min(Scales.of(part).levels for part in parts)
-    dependence = [name for name, need in DEPENDENCES.items() if need <= levels][-1]
+    dependence = richest(*parts)
     before = gap_of(given, model, baseline)
+    # One start: with three, the gap of the best law is the same to 1e-4 on 11 opened baselines.
+    how = {"extras": extras, "dependence": dependence, "hold": given.hold, "threads": given.threads, "starts": 1}
 
     def fitted(law: str, records: Sequence[Record]) -> Model | None:
-        # One start: with three, the gap of the best law is the same to 1e-4 on 11 opened baselines.
-        start = model.attributes if law == model.law else None
-        try:
-            fit = identify(
-                law, records, extras=extras, dependence=dependence, start=start, starts=1, hold=given.hold,
-                threads=given.threads,
-            )  # fmt: skip
-        except InputError:
+        fit = identified(law, records, start=model.attributes if law == model.law else None, **how)
+        if fit is None:
             return None
-        return replace(fit.model, name=model.name, extra=model.extra, sample_rate_hz=model.sample_rate_hz)
+        return replace(fit, name=model.name, extra=model.extra, sample_rate_hz=model.sample_rate_hz)
 
     found = {law: fit for law in LAWS if (fit := fitted(law, baseline)) is not None}
     gaps = {law: gap_of(given, fit, baseline) for law, fit in found.items()}
@@ -113,6 +108,20 @@ def baseline_law(
     if not after < BASELINE_LAW_BETTER * before:
         return None
     return BaselineLaw(model, best, dependence, before, after, before)
+
+
+def richest(*parts: Sequence[Record]) -> str:
+    """The richest dependence on the command that all parts of the records show."""
+    levels = min(Scales.of(part).levels for part in parts)
+    return [name for name, need in DEPENDENCES.items() if need <= levels][-1]
+
+
+def identified(law: str, records: Sequence[Record], **how: Any) -> Model | None:
+    """The model that `identify` finds; None if it finds none."""
+    try:
+        return identify(law, records, **how).model
+    except InputError:
+        return None
 
 
 def _spans(baseline: Sequence[Record], records: Sequence[Record]) -> bool:
