@@ -14,7 +14,7 @@ The forms differ from the simulator's own if possible; the same forms would be a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,15 +54,20 @@ class Form:
         return effects()[self.effect].stage
 
 
+def _changed(s: Signals, change: Callable[[Array], Array], channels: Sequence[str]) -> Record:
+    """The record with changed channels, those of them that it has."""
+    found = {c: change(np.asarray(s.record.channel(c))) for c in channels if c in s.record.channels}
+    return s.record.with_channels(found)
+
+
 def _added(s: Signals, force: Array) -> Record:
     """Adds a force (n,) on the rod, which every force sensor reads."""
-    found = {c: s.record.channel(c) + force for c in FORCES if c in s.record.channels}
-    return s.record.with_channels(found)
+    return _changed(s, lambda f: f + force, FORCES)
 
 
 def _read(s: Signals, change: Callable[[Array], Array]) -> Record:
     """Changes the reading of the damper's own sensor; a separate load cell is unchanged."""
-    return s.record.with_channels({FORCES[0]: change(np.asarray(s.record.channel(FORCES[0])))})
+    return _changed(s, change, FORCES[:1])
 
 
 def _side(r: np.random.Generator) -> float:
@@ -133,8 +138,7 @@ def _thinning(s: Signals, p: Parameters, _: Scales) -> Record:
 
 def _scaled(s: Signals, factor: Array, c: Scales) -> Record:
     """The fluid's force times a factor (n,); preload and seal friction are unchanged."""
-    names = [n for n in FORCES if n in s.record.channels]
-    return s.record.with_channels({n: c.preload + (s.record.channel(n) - c.preload) * factor for n in names})
+    return _changed(s, lambda f: c.preload + (f - c.preload) * factor, FORCES)
 
 
 def _draw_asymmetry(r: np.random.Generator, c: Scales, _: Model) -> Sized:
@@ -283,15 +287,9 @@ def _lag(s: Signals, p: Parameters, _: Scales) -> Record:
 # --- logged command -------------------------------------------------------------------------------------------------
 
 
-def _logged(s: Signals, command: Array) -> Record:
-    return s.record.with_channels({"command": command})
-
-
 def _sent(s: Signals, command: Array) -> Record:
-    """The same if the coil's current follows the command and the field does not: a measured current is
-    replaced as well."""
-    names = [n for n in ("command", "current_A") if n in s.record.channels]
-    return s.record.with_channels(dict.fromkeys(names, command))
+    """Another command if the coil's current follows it and the field does not: a measured current is replaced too."""
+    return _changed(s, lambda _: command, ("command", "current_A"))
 
 
 def _draw_saturation(r: np.random.Generator, c: Scales, _: Model) -> Sized:
@@ -316,7 +314,7 @@ def _draw_driver(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 def _driver(s: Signals, p: Parameters, _: Scales) -> Record:
     """The command whose first-order lag is the actual current."""
     rate = CubicSpline(s.record.time, smoothed_command(s))(s.record.time, 1)
-    return _logged(s, s.record.command + p["tau"] * rate)
+    return s.record.with_channels({"command": s.record.command + p["tau"] * rate})
 
 
 def smoothed_command(s: Signals) -> Array:

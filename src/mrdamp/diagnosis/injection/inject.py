@@ -43,12 +43,11 @@ class NotPut(str):
 class Injection:
     """An effect drawn for a rig: records with it at any strength.
 
-    form: what is inserted. sized: parameters at a strength. scales: of the records that the sizes were drawn
-    for.
+    form: what is inserted. parameters: at a strength, SI units. scales: of the records that the sizes were drawn for.
     """
 
     form: Form
-    sized: Sized
+    parameters: Sized
     scales: Scales
 
     @classmethod
@@ -59,10 +58,6 @@ class Injection:
         scales = Scales.of(records, model)
         form = FORMS[effect]
         return cls(form, form.draw(rng, scales, model), scales)
-
-    def parameters(self, strength: float) -> dict[str, float]:
-        """Parameters at a strength, SI units."""
-        return self.sized(strength)
 
     def put(self, record: Record, strength: float) -> Record:
         """The record of the rig with the effect."""

@@ -19,6 +19,7 @@ from mrdamp.records.smoothing import smoothed
 #: Cut-off of the derivatives as a share of half the sampling rate, zero-phase: faster parts come from the
 #: interpolation.
 _CUT = 0.35
+#: Of the damper's own sensor and of the load cell.
 FORCES = ("force_N", "reference_force_N")
 
 
@@ -47,7 +48,7 @@ class Signals:
     @cached_property
     def force(self) -> Array:
         """Force of the load cell if there is one, else of the damper's own sensor, N."""
-        return smoothed(np.asarray(self.record.channel(force_channel(self.record))))
+        return smoothed(np.asarray(self.record.channel(next(c for c in FORCES[::-1] if c in self.record.channels))))
 
     def _derivative(self, order: int) -> Array:
         dt = self.record.sample_time
@@ -58,15 +59,13 @@ class Signals:
 @dataclass(frozen=True)
 class Scales:
     """Ranges of the records: RMS force without the preload (N), stroke amplitude (m), RMS velocity (m/s) and
-    acceleration (m/s2), largest command (A or V), longest sample time (s), and the simulator's preload (N).
-    """
+    acceleration (m/s2), largest command (A or V), and the simulator's preload (N)."""
 
     force: float
     stroke: float
     velocity: float
     acceleration: float
     command: float
-    sample_time: float
     preload: float
 
     @classmethod
@@ -79,11 +78,5 @@ class Scales:
             rms(np.concatenate([s.v for s in found])),
             rms(np.concatenate([s.a for s in found])),
             max(float(np.abs(r.command).max()) for r in records),
-            max(r.sample_time for r in records),
             preload,
         )
-
-
-def force_channel(record: Record) -> str:
-    """Channel of the load cell if there is one, else of the damper's own sensor."""
-    return FORCES[1] if FORCES[1] in record.channels else FORCES[0]

@@ -10,10 +10,6 @@ from typing import Any
 from mrdamp.diagnosis.injection.forms import FORMS
 from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study, due
 
-#: Outcomes of a trial, best first. `already`: the unchanged records give the same answer, so that nothing is
-#: shown. `unsure`: named in a tie of two or three. `wrong`: an effect that was not inserted and that the
-#: unchanged records do not show.
-OUTCOMES = ("named", "unsure", "already", "unknown", "parameters", "none", "wrong", "failed", "out of reach")
 #: Largest tie that counts as informative (as in the scoring of cases).
 _TIE = 3
 
@@ -52,7 +48,9 @@ def own_effects(answers: Sequence[Answer]) -> tuple[str, ...] | None:
 
 
 def outcome(a: Answer, own: Sequence[str]) -> str:
-    """One of `OUTCOMES`."""
+    """Of a trial, best first: `named`; `unsure`, named in a tie of two or three; `already`, the unchanged records give
+    the same answer, so that nothing is shown; `unknown`; `parameters`; `none`; `wrong`, an effect that was not inserted
+    and that the unchanged records do not show; `failed`; `out of reach`."""
     if a.error:
         return "failed"
     if not a.reached:
