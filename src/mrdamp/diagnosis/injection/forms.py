@@ -30,9 +30,9 @@ from mrdamp.records.smoothing import smoothed
 
 Parameters = Mapping[str, float]
 Put = Callable[[Signals, Parameters, Scales], Record]
-#: From a strength (about the effect's share of the force) to the effect's parameters.
-Sized = Callable[[float], dict[str, float]]
-Draw = Callable[[np.random.Generator, Scales, Model], Sized]
+#: From random numbers and a strength (about the effect's share of the force) to the effect's parameters. The numbers
+#: are the same at every strength.
+Draw = Callable[[np.random.Generator, Scales, Model, float], dict[str, float]]
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,19 @@ class Form:
     @property
     def stage(self) -> str:
         return effects()[self.effect].stage
+
+
+_FORMS: dict[str, Form] = {}
+
+
+def _form(effect: str, draw: Draw, *, varies: bool = False, levels: int = 0) -> Callable[[Put], Put]:
+    """Declares the form of an effect that a function puts into a record."""
+
+    def declared(put: Put) -> Put:
+        _FORMS[effect] = Form(effect, draw, put, varies, levels)
+        return put
+
+    return declared
 
 
 def _changed(s: Signals, change: Callable[[Array], Array], channels: Sequence[str]) -> Record:
@@ -77,26 +90,27 @@ def _side(r: np.random.Generator) -> float:
 # --- forces added ------------------------------------------------------------------------------------------------
 
 
-def _draw_spring(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+def _draw_spring(r: np.random.Generator, c: Scales, _: Model, s: float) -> dict[str, float]:
     length, exponent = c.stroke * r.uniform(2.5, 5.0), r.uniform(1.0, 1.4)
-    return lambda s: {"f0": c.force * s * length / c.stroke, "length": length, "exponent": exponent}
+    return {"f0": c.force * s * length / c.stroke, "length": length, "exponent": exponent}
 
 
+@_form("gas_spring", _draw_spring)
 def _spring(s: Signals, p: Parameters, _: Scales) -> Record:
     """Polytropic accumulator without its preload."""
     squeezed = np.maximum(1 + s.x / p["length"], 0.2)
     return _added(s, p["f0"] * (1 - squeezed ** -p["exponent"]))
 
 
-def _draw_friction(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    fixed = {
+@_form(
+    "seal_friction",
+    lambda r, c, _, s: {
+        "coulomb": c.force * s,
         "presliding": c.stroke * float(np.exp(r.uniform(np.log(3e-3), np.log(0.02)))),
         "breakaway": r.uniform(1.0, 1.6),
         "stribeck": c.velocity * r.uniform(0.05, 0.3),
-    }
-    return lambda s: {"coulomb": c.force * s, **fixed}
-
-
+    },
+)
 def _friction(s: Signals, p: Parameters, _: Scales) -> Record:
     """LuGre bristle (Canudas de Wit et al. 1995, 10.1109/9.376053): exact over each sample's path at constant
     level."""
@@ -111,20 +125,19 @@ def _friction(s: Signals, p: Parameters, _: Scales) -> Record:
     return _added(s, p["coulomb"] * bristle)
 
 
-def _draw_mass(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    return lambda s: {"m": s * c.force / c.acceleration}
-
-
+@_form("moving_mass", lambda r, c, _, s: {"m": s * c.force / c.acceleration})
 def _mass(s: Signals, p: Parameters, _: Scales) -> Record:
     return _added(s, p["m"] * s.a)
 
 
-def _draw_thinning(r: np.random.Generator, c: Scales, model: Model) -> Sized:
-    m = r.uniform(0.2, 0.6)
-    fixed = {f"c0{k}": model.parameters.get(f"c0{k}", 0.0) for k in "abc"}
-    return lambda s: {"m": m, "v_s": 0.3 * c.velocity / s, **fixed}
-
-
+@_form(
+    "shear_thinning",
+    lambda r, c, model, s: {
+        "m": r.uniform(0.2, 0.6),
+        "v_s": 0.3 * c.velocity / s,
+        **{name: model.parameters.get(name, 0.0) for name in ("c0a", "c0b", "c0c")},
+    },
+)
 def _thinning(s: Signals, p: Parameters, _: Scales) -> Record:
     """Difference between Cross's fluid and the simulator's dashpot, which is parallel to the rest in these
     laws."""
@@ -141,25 +154,20 @@ def _scaled(s: Signals, factor: Array, c: Scales) -> Record:
     return _changed(s, lambda f: c.preload + (f - c.preload) * factor, FORCES)
 
 
-def _draw_asymmetry(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    side, width = _side(r), c.velocity * r.uniform(0.02, 0.2)
-    return lambda s: {"a": side * min(s, 0.8), "width": width}
-
-
+@_form(
+    "asymmetry",
+    lambda r, c, _, s: {"a": _side(r) * min(s, 0.8), "width": c.velocity * r.uniform(0.02, 0.2)},
+)
 def _asymmetry(s: Signals, p: Parameters, c: Scales) -> Record:
     return _scaled(s, 1 + p["a"] * s.v / np.hypot(s.v, p["width"]), c)
 
 
-def _draw_gas(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+def _draw_gas(r: np.random.Generator, c: Scales, _: Model, s: float) -> dict[str, float]:
     side, length = _side(r), c.stroke * r.uniform(0.15, 0.5)
-    return lambda s: {
-        "d": min(1.5 * s, 0.95),
-        "length": length,
-        "direction": side,
-        "width": c.velocity * 0.05,
-    }
+    return {"d": min(1.5 * s, 0.95), "length": length, "direction": side, "width": c.velocity * 0.05}
 
 
+@_form("trapped_gas", _draw_gas)
 def _gas(s: Signals, p: Parameters, c: Scales) -> Record:
     """Force lost at the start of a stroke in one direction, as a function of the path since the reversal."""
     path = since_turn(s.x, 0.01 * c.stroke)
@@ -195,33 +203,27 @@ def _moved(record: Record, x: Array) -> Record:
     return Record(record.name, record.path, record.sample_time, {**kept, "displacement_m": x}, record.ignored)
 
 
-def _draw_mount(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    hard = c.force * r.choice([1e3, 1.0, 2.0])
-    return lambda s: {"k": c.force / (0.3 * s * c.stroke), "hardening": float(hard)}
-
-
+@_form(
+    "mount_compliance",
+    lambda r, c, _, s: {
+        "k": c.force / (0.3 * s * c.stroke),
+        "hardening": float(c.force * r.choice([1e3, 1.0, 2.0])),
+    },
+)
 def _mount(s: Signals, p: Parameters, _: Scales) -> Record:
     """The rod leads the piston by the mount's deflection, whose rate increases with the force."""
     stretch = p["hardening"] / p["k"] * np.arcsinh(s.force / p["hardening"])
     return _moved(s.record, np.asarray(s.record.displacement) + stretch)
 
 
-def _draw_backlash(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    contact = c.force * r.uniform(0.02, 0.08)
-    return lambda s: {"gap": 0.4 * s * c.stroke, "contact": contact}
-
-
+@_form("backlash", lambda r, c, _, s: {"gap": 0.4 * s * c.stroke, "contact": c.force * r.uniform(0.02, 0.08)})
 def _backlash(s: Signals, p: Parameters, _: Scales) -> Record:
     """The pin lies on the side to which the force presses it. contact: N, over which it changes sides."""
     pin = 0.5 * p["gap"] * s.force / np.hypot(s.force, p["contact"])
     return _moved(s.record, np.asarray(s.record.displacement) + pin)
 
 
-def _draw_shift(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    side = _side(r)
-    return lambda s: {"d": side * s * 0.2 * c.stroke / c.velocity}
-
-
+@_form("channel_shift", lambda r, c, _, s: {"d": _side(r) * s * 0.2 * c.stroke / c.velocity})
 def _shift(s: Signals, p: Parameters, _: Scales) -> Record:
     """The displacement delayed by d; samples that would lie outside the record are left out."""
     record, lost = s.record, int(np.ceil(abs(p["d"]) / s.record.sample_time))
@@ -234,28 +236,17 @@ def _shift(s: Signals, p: Parameters, _: Scales) -> Record:
 # --- force sensor ---------------------------------------------------------------------------------------------------
 
 
-def _draw_gain(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    side = _side(r)
-    return lambda s: {"g": (1 + s) ** side}
-
-
+@_form("sensor_gain", lambda r, c, _, s: {"g": (1 + s) ** _side(r)})
 def _gain(s: Signals, p: Parameters, _: Scales) -> Record:
     return _read(s, lambda f: p["g"] * f)
 
 
-def _draw_offset(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    side = _side(r)
-    return lambda s: {"f": side * s * c.force}
-
-
+@_form("sensor_offset", lambda r, c, _, s: {"f": _side(r) * s * c.force})
 def _offset(s: Signals, p: Parameters, _: Scales) -> Record:
     return _read(s, lambda f: f + p["f"])
 
 
-def _draw_leakage(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    return lambda s: {"tau": 0.5 * c.stroke / c.velocity / s}
-
-
+@_form("sensor_leakage", lambda r, c, _, s: {"tau": 0.5 * c.stroke / c.velocity / s})
 def _leakage(s: Signals, p: Parameters, _: Scales) -> Record:
     """High-pass of the charge, exact for a force that is linear between samples."""
 
@@ -267,11 +258,10 @@ def _leakage(s: Signals, p: Parameters, _: Scales) -> Record:
     return _read(s, change)
 
 
-def _draw_lag(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    order = float(r.choice([1, 2, 3]))
-    return lambda s: {"tau": 0.2 * s * c.stroke / c.velocity, "order": order}
-
-
+@_form(
+    "sensor_lag",
+    lambda r, c, _, s: {"tau": 0.2 * s * c.stroke / c.velocity, "order": float(r.choice([1, 2, 3]))},
+)
 def _lag(s: Signals, p: Parameters, _: Scales) -> Record:
     """Bessel low-pass of group delay tau, from rest at the first reading; first-order hold between samples.
     """
@@ -292,11 +282,11 @@ def _sent(s: Signals, command: Array) -> Record:
     return _changed(s, lambda _: command, ("command", "current_A"))
 
 
-def _draw_saturation(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    froehlich = float(r.random() < 0.5)
-    return lambda s: {"span": c.command, "bend": 4 * s, "froehlich": froehlich}
-
-
+@_form(
+    "saturation",
+    lambda r, c, _, s: {"span": c.command, "bend": 4 * s, "froehlich": float(r.random() < 0.5)},
+    levels=3,
+)
 def _saturation(s: Signals, p: Parameters, _: Scales) -> Record:
     """The field relative to that at the largest command, by Froehlich or an arctangent; the inverse is
     logged."""
@@ -307,10 +297,7 @@ def _saturation(s: Signals, p: Parameters, _: Scales) -> Record:
     return _sent(s, p["span"] * (froehlich if p["froehlich"] else np.tan(u * np.arctan(bend)) / bend))
 
 
-def _draw_driver(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    return lambda s: {"tau": 0.1 * s}
-
-
+@_form("driver_lag", lambda r, c, _, s: {"tau": 0.1 * s}, varies=True, levels=4)
 def _driver(s: Signals, p: Parameters, _: Scales) -> Record:
     """The command whose first-order lag is the actual current."""
     rate = CubicSpline(s.record.time, smoothed_command(s))(s.record.time, 1)
@@ -322,10 +309,7 @@ def smoothed_command(s: Signals) -> Array:
     return smoothed(np.asarray(s.record.command))
 
 
-def _draw_delay(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    return lambda s: {"d": 0.1 * s}
-
-
+@_form("command_delay", lambda r, c, _, s: {"d": 0.1 * s}, varies=True)
 def _delay(s: Signals, p: Parameters, _: Scales) -> Record:
     """The command logged early by d; the last d of the record is left out."""
     record = s.record
@@ -334,11 +318,12 @@ def _delay(s: Signals, p: Parameters, _: Scales) -> Record:
     return early.part(record.time[0], record.time[record.n - 1 - lost])
 
 
-def _draw_remanence(r: np.random.Generator, c: Scales, _: Model) -> Sized:
-    reach = c.command * r.uniform(0.1, 0.3)
-    return lambda s: {"width": 0.5 * s * c.command, "reach": reach}
-
-
+@_form(
+    "remanence",
+    lambda r, c, _, s: {"width": 0.5 * s * c.command, "reach": c.command * r.uniform(0.1, 0.3)},
+    varies=True,
+    levels=4,
+)
 def _remanence(s: Signals, p: Parameters, _: Scales) -> Record:
     """i = b + width h, h' = (b' / reach)(1 - sign(b') h): a decreasing field is larger than an increasing
     one."""
@@ -351,25 +336,5 @@ def _remanence(s: Signals, p: Parameters, _: Scales) -> Record:
     return _sent(s, np.asarray(s.record.command) + p["width"] * loop)
 
 
-FORMS: Mapping[str, Form] = {
-    f.effect: f
-    for f in (
-        Form("driver_lag", _draw_driver, _driver, varies=True, levels=4),
-        Form("command_delay", _draw_delay, _delay, varies=True),
-        Form("saturation", _draw_saturation, _saturation, levels=3),
-        Form("remanence", _draw_remanence, _remanence, varies=True, levels=4),
-        Form("asymmetry", _draw_asymmetry, _asymmetry),
-        Form("shear_thinning", _draw_thinning, _thinning),
-        Form("trapped_gas", _draw_gas, _gas),
-        Form("gas_spring", _draw_spring, _spring),
-        Form("seal_friction", _draw_friction, _friction),
-        Form("moving_mass", _draw_mass, _mass),
-        Form("mount_compliance", _draw_mount, _mount),
-        Form("backlash", _draw_backlash, _backlash),
-        Form("sensor_gain", _draw_gain, _gain),
-        Form("sensor_offset", _draw_offset, _offset),
-        Form("sensor_leakage", _draw_leakage, _leakage),
-        Form("sensor_lag", _draw_lag, _lag),
-        Form("channel_shift", _draw_shift, _shift),
-    )
-}
+#: In the order of the chain.
+FORMS: Mapping[str, Form] = {effect: _FORMS[effect] for effect in effects() if effect in _FORMS}

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mrdamp.diagnosis.hypotheses.damper_effects import rms
-from mrdamp.diagnosis.injection.forms import FORMS, Form, Sized
+from mrdamp.diagnosis.injection.forms import FORMS, Form
 from mrdamp.diagnosis.injection.signals import FORCES, Scales, Signals
 from mrdamp.diagnosis.problem.residuals import compared
 from mrdamp.model import Model
@@ -43,21 +44,27 @@ class NotPut(str):
 class Injection:
     """An effect drawn for a rig: records with it at any strength.
 
-    form: what is inserted. parameters: at a strength, SI units. scales: of the records that the sizes were drawn for.
+    form: what is inserted. random: of its sides and shapes. scales: of the records that the sizes were drawn for.
+    model: their nominal simulator.
     """
 
     form: Form
-    parameters: Sized
+    random: np.random.Generator
     scales: Scales
+    model: Model
 
     @classmethod
     def draw(
         cls, effect: str, model: Model, records: Sequence[Record], rng: np.random.Generator
     ) -> Injection:
         """Random sides and shapes, scaled by the records."""
-        scales = Scales.of(records, model)
-        form = FORMS[effect]
-        return cls(form, form.draw(rng, scales, model), scales)
+        out = cls(FORMS[effect], deepcopy(rng), Scales.of(records, model), model)
+        out.form.draw(rng, out.scales, model, 1.0)  # the next injection has numbers of its own
+        return out
+
+    def parameters(self, strength: float) -> dict[str, float]:
+        """Parameters at a strength, SI units."""
+        return self.form.draw(deepcopy(self.random), self.scales, self.model, strength)
 
     def put(self, record: Record, strength: float) -> Record:
         """The record of the rig with the effect."""
