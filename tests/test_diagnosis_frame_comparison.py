@@ -240,7 +240,7 @@ def test_a_law_is_handed_over_if_it_leaves_less_of_left_out_records() -> None:
     assert law_handed_over(more, final) is None
     handed = law_handed_over(less, final)
     assert handed is not None
-    assert handed.problem.rig.model({}).law == other.law
+    assert handed.problem.rig.model({}).law == other.model.law
     assert handed.heldout is less.left_out
 
 

@@ -17,7 +17,7 @@ from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, hull
 from mrdamp.diagnosis.evidence.judgement import scored, stated
 from mrdamp.diagnosis.evidence.resample import Interval, spread
 from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
-from mrdamp.diagnosis.evidence.verdict import Decision, by_causes, of_cause
+from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
 from mrdamp.diagnosis.fits.final import AGREEMENT, FinalFit, heldout, predicted_gap
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
@@ -54,7 +54,6 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
     nominal = whole.nominal()
 
     regimes_of = concluded.regimes if named else {}
-    worse = {cause: [r.label() for r in estimates if r.worse] for cause, estimates in regimes_of.items()}
     known = by_causes(scored(fits), decision.probabilities)
     sets = stated(search, decision, fits, concluded.regimes)
     least = min(sets.values()) + 1e-4
@@ -81,7 +80,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
     fitted = nominal if verdict == "none" else residual
     gaps, off = _by_files({"nominal": (case.model, nominal), "corrected": (model, fitted)}, handed.problem)
     effects = named_effects(search, chosen, final, causes, intervals, regimes_of) if named else ()
-    notes = [*_notes(found, handed, worse), *_missed_before(decision), *_may_be_none(effects), *off]
+    notes = [*_notes(found, concluded, regimes_of), *_may_be_none(effects), *off]
     gap = Gap(
         nominal=gaps["nominal"],
         recalibrated=pooled(recalibrated),
@@ -193,21 +192,24 @@ def _by_files(simulators: Mapping[str, tuple[Model, Array]], problem: Problem) -
     return gaps, notes
 
 
-def _notes(found: Searched, handed: FinalFit, worse: Mapping[str, Sequence[str]]) -> list[str]:
-    """Findings of the audit and of the search. worse: names of the regimes in which a cause makes the gap larger."""
-    search, notes = found.search, list(found.notes)
-    for cause, some in worse.items():
-        if some:
-            notes.append(f"{cause} makes the gap larger in {', '.join(some)}: verify it before use")
+def _notes(
+    found: Searched, concluded: Concluded, regimes_of: Mapping[str, Sequence[RegimeEstimate]]
+) -> list[str]:
+    """Findings of the audit and of the search."""
+    search, fitted, notes = found.search, concluded.handed.fit, list(found.notes)
+    for cause, estimates in regimes_of.items():
+        worse = [r.label() for r in estimates if r.worse]
+        if worse:
+            notes.append(f"{cause} makes the gap larger in {', '.join(worse)}: verify it before use")
     known = getattr(found.rig, "known", {})
     ends = {name for settings in known.values() for name in settings}
-    notes += [f"{name} is at a limit of its range" for name in handed.fit.at_bounds if name not in ends]
+    notes += [f"{name} is at a limit of its range" for name in fitted.at_bounds if name not in ends]
     notes += [
         f"{t.name} is known from two channels of one quantity; its interval is the range about that, {100 * KNOWN:g} %"
-        for t in handed.fit.hypothesis.terms
+        for t in fitted.hypothesis.terms
         if t.name in known
     ]
-    if not handed.fit.converged:
+    if not fitted.converged:
         notes.append("the final fit had not converged at its largest number of iterations")
     notes += search.failed
     if found.noise.source != "repeat":
@@ -222,16 +224,12 @@ def _notes(found: Searched, handed: FinalFit, worse: Mapping[str, Sequence[str]]
             "no fit reaches the noise and there are no baseline records: records of the rig in the state in which the"
             " simulator was identified (mrdamp case --baseline) separate its own error from a change"
         )
-    return notes
-
-
-def _missed_before(decision: Decision) -> list[str]:
-    """Notes on causes that the simulator may miss on the baseline too."""
-    return [
+    notes += [
         f"{cause}: probability {p:.2f} that it has changed; the simulator may miss it on the baseline's records too"
-        for cause, p in decision.changed.items()
+        for cause, p in concluded.decision.changed.items()
         if p < _SURELY
     ]
+    return notes
 
 
 def _may_be_none(effects: Sequence[Named]) -> list[str]:

@@ -46,14 +46,9 @@ class OtherLaw:
     left: float
     left_out: Array
 
-    @property
-    def law(self) -> str:
-        """Name of the law."""
-        return self.model.law
-
     def to_dict(self, handed_over: bool = False) -> dict[str, Any]:
         """Entry of `diagnosis.json`. handed_over: the corrected simulator has this law."""
-        own = {"law": self.law, "gap": self.gap, "without": list(self.causes), "gap_with": self.left}
+        own = {"law": self.model.law, "gap": self.gap, "without": list(self.causes), "gap_with": self.left}
         return {**own, "handed_over": handed_over}
 
 

@@ -9,6 +9,7 @@ with the sum. Noise counts only in the sum: it is that of the damper's own senso
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,7 +22,9 @@ from mrdamp.model import core
 from mrdamp.model.core import Array
 
 _STAGES = ("driver", "magnetics", "fluid", "mechanics", "mount", "sensor")
-#: Neutral settings of the driver stage: the measured current replaces its output.
+#: Number of stages before each measured channel.
+_AT = {"command": 0, "current_A": 1, "reference_force_N": 5, "force_N": 6}
+#: Effects of the driver stage, which are neutral where the measured current replaces its output.
 _NO_DRIVER = ("driver_lag", "command_delay")
 
 
@@ -66,17 +69,12 @@ def parts(rig: DamperRig, noise: float) -> Parts:
         return none  # no gap beyond the noise
     spread = _shares(drawn)
     ends = ("command", *inner, "force_N")
-    found = tuple(
-        Measured(
-            f"{before} to {after}",
-            _stages_between(before, after),
-            float(share),
-            interval(spread[:, k]),
-            _part_by(_stages_between(before, after)),
-        )
-        for k, (before, after, share) in enumerate(zip(ends, ends[1:], shares, strict=False))
-    )
-    return Parts(found, spread)
+    found = []
+    for k, (before, after) in enumerate(pairwise(ends)):
+        stages = _STAGES[_AT[before] : _AT[after]]
+        ends_of = interval(spread[:, k])
+        found.append(Measured(f"{before} to {after}", stages, float(shares[k]), ends_of, _part_by(stages)))
+    return Parts(tuple(found), spread)
 
 
 def _errors(rig: DamperRig, record: int, inner: list[str]) -> tuple[list[Array], Array]:
@@ -87,7 +85,8 @@ def _errors(rig: DamperRig, record: int, inner: list[str]) -> tuple[list[Array],
     whole = rig.through(record, np.asarray(r.command), {})
     body, out = whole, []
     if "current_A" in inner:
-        body = rig.through(record, _in_command_unit(r.channel("current_A"), r.command), _no_driver())
+        no_driver = {row.name: row.default or 0.0 for row in core.attributes() if row.group in _NO_DRIVER}
+        body = rig.through(record, _in_command_unit(r.channel("current_A"), r.command), no_driver)
         out.append(whole["reference"] - body["reference"])
     if "reference_force_N" in inner:
         load = r.channel("reference_force_N")
@@ -105,20 +104,10 @@ def _in_command_unit(current: Array, command: Array) -> Array:
     return current if SAME_UNIT[0] < gain < SAME_UNIT[1] or not gain > 0 else current / gain
 
 
-def _no_driver() -> dict[str, float]:
-    return {row.name: row.default or 0.0 for row in core.attributes() if row.group in _NO_DRIVER}
-
-
 def _shares(sums: Array) -> Array:
     """Shares (draws, parts), adding up to 1; equal shares in a draw without a gap beyond the noise."""
     total = sums.sum(axis=1, keepdims=True)
     return np.where(total > 0, sums / np.where(total > 0, total, 1.0), 1 / sums.shape[1])
-
-
-def _stages_between(before: str, after: str) -> tuple[str, ...]:
-    first = {"command": 0, "current_A": 1, "reference_force_N": 5}[before]
-    last = {"current_A": 1, "reference_force_N": 5, "force_N": 6}[after]
-    return _STAGES[first:last]
 
 
 def _part_by(stages: tuple[str, ...]) -> str:

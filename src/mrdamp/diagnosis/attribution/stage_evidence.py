@@ -93,7 +93,7 @@ class _Errors:
         jacobian = problem.jacobian(nominal, at, residual)
         self._weights = [problem.weights[s] for s in self._spans]
         self._law = [jacobian[s] for s in self._spans]
-        self.weighted = self.parts(residual)
+        self.weighted = [-residual[s] for s in self._spans]
         #: Factors from an error in N to an error relative to its record's size.
         self.units = [float(w[0]) * np.sqrt(len(w)) for w in self._weights]
         self._prior = _LAW_PRIOR * _cost(self.weighted) * (nominal.prior() ** 2 + 1e-9)
@@ -101,10 +101,6 @@ class _Errors:
         groups = seconds(problem)
         self._seconds: _Groups = [groups[s] for s in self._spans]
         self._drawn = draws(int(groups.max()) + 1)
-
-    def parts(self, residual: Array) -> list[Array]:
-        """Parts of a residual (samples,) by record."""
-        return [-residual[s] for s in self._spans]
 
     def left(self, columns: Sequence[Array] | None) -> list[Array]:
         """Remainder of each record after regression on columns and nominal parameters, fitted to the other

@@ -36,11 +36,11 @@ def audit(case: Case) -> Iterator[str]:
         for name, values in record.channels.items():
             if name in ("time_s", "command") or not float(np.ptp(values)) > 0:
                 continue
-            cut = clipped(values)
+            cut, repeats = clipped(values), float(np.mean(np.diff(values) == 0))
             if cut is not None:
                 yield f"{record.name}: {name} is clipped at {cut[0]:g} for {100 * cut[1]:.1f} % of the samples"
-            elif repeated_share(values) > _HELD:
-                repeated.setdefault(name, {})[record.name] = 100 * repeated_share(values)
+            elif repeats > _HELD:
+                repeated.setdefault(name, {})[record.name] = 100 * repeats
             how = processing(values)
             if how is not None:
                 processed.setdefault(f"{name} {how}", []).append(record.name)
@@ -100,12 +100,6 @@ def _relative(record: Record, floor: str) -> bool:
     band = (w > 2 * np.pi * _BAND[0]) & (w < 2 * np.pi * _BAND[1])
     own, without = (float(np.sum(np.abs(-(w**2) * x - of)[band] ** 2)) for of in (a - ground, a))
     return own < _OTHER * without
-
-
-def repeated_share(values: Array) -> float:
-    """Share of samples that equal the previous one while the signal changes."""
-    same = np.diff(values) == 0
-    return float(np.mean(same))
 
 
 def quantum(values: Array) -> float:
