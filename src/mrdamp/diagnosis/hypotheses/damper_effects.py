@@ -9,8 +9,7 @@ equation.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator
 from functools import partial
 from itertools import chain
 
@@ -156,16 +155,6 @@ def nominal_coordinates(
             size = _size(name, parameters, command)
             out.append(Coordinate(name, value, value - 2 * size, value + 2 * size, 0.1 * size, prior=3.0))
     return tuple(out)
-
-
-def widened(
-    law: tuple[Coordinate, ...], factor: float, which: Callable[[str], bool]
-) -> tuple[Coordinate, ...]:
-    """Coordinates with wider ranges, by a factor to either side, if they are logarithmic and `which` accepts
-    their name."""
-    return tuple(
-        replace(c, low=c.low / factor, high=c.high * factor) if c.log and which(c.name) else c for c in law
-    )
 
 
 def _size(name: str, parameters: Settings, command: float) -> float:

@@ -156,17 +156,15 @@ def answer(study: Study, trial: Trial, folder: Path) -> Answer:
     from mrdamp.diagnosis import run
 
     begun = time.monotonic()
-    found = Answer(trial.effect, trial.size)
     made = injected(study, trial)
-    if made is None:
-        found = replace(found, reached=False)
-    else:
+    found = Answer(trial.effect, trial.size, made is not None)
+    if made is not None:
         case, parameters = made
+        found = replace(found, parameters=parameters)
         try:
             d = run.diagnose(case, jobs=1)
             found = replace(
                 found,
-                parameters=parameters,
                 verdict=d.verdict,
                 named=tuple(e.effect for e in d.effects),
                 tied=d.indistinguishable,
@@ -176,9 +174,7 @@ def answer(study: Study, trial: Trial, folder: Path) -> Answer:
                 corrected_gap=d.gap.corrected,
             )
         except (InputError, ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-            found = replace(
-                found, parameters=parameters, error=" ".join(str(error).split())[:300] or type(error).__name__
-            )
+            found = replace(found, error=" ".join(str(error).split())[:300] or type(error).__name__)
     found = replace(found, seconds=time.monotonic() - begun)
     if not found.error:  # failed trials are repeated
         text = json.dumps({"key": study.key, **asdict(found)}, indent=1)

@@ -74,13 +74,9 @@ def findings(answers: Sequence[Answer]) -> list[Finding]:
         if not mine:
             continue
         outcomes = {a.size: outcome(a, own) for a in mine}
-        first: Answer | None = None
-        for a in reversed(mine):
-            if outcomes[a.size] == "out of reach":
-                continue
-            if outcomes[a.size] != "named":
-                break
-            first = a
+        reached = [a for a in mine if outcomes[a.size] != "out of reach"]
+        missed = max((a.size for a in reached if outcomes[a.size] != "named"), default=0.0)
+        first = next((a for a in reached if a.size > missed), None)
         taken = Counter(e for a in mine for e in taken_for(a, own))
         out.append(
             Finding(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.diagnosis.hypotheses.damper_effects import nominal_coordinates, widened
+from mrdamp.diagnosis.hypotheses.damper_effects import nominal_coordinates
 from mrdamp.diagnosis.hypotheses.nominal_effects import effect_coordinates, merged
 from mrdamp.diagnosis.hypotheses.outside import inside_of
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
@@ -94,7 +94,10 @@ class Simulator(ABC):
         model, s = self.nominal_model, self.sizes
         one_command = float(np.ptp(np.concatenate([r.command for r in records]))) <= STEADY * s.command
         law = nominal_coordinates(dict(model.parameters), s.command, s.stroke, one_command=one_command)
-        return (*widened(law, factor, which), *effect_coordinates(model.effects, catalogue))
+        wider = (
+            replace(c, low=c.low / factor, high=c.high * factor) if c.log and which(c.name) else c for c in law
+        )
+        return (*wider, *effect_coordinates(model.effects, catalogue))
 
     def limits(
         self,

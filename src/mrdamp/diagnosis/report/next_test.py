@@ -115,28 +115,22 @@ class Bench:
 
     def distances(self, signal: Signal, pairs: Sequence[Pair], *, fitted: bool) -> Array:
         """RMS distance of each pair over the noise (pairs,). fitted: the rival is refitted to all records."""
-        wanted = [s for p in pairs for s in (p.one, p.rival)]
+        wanted: list[Sequence[Settings]] = [[p.one for p in pairs], [p.rival for p in pairs]]
         if fitted:
-            wanted += [self.middle, *self.law.settings, *(s for p in pairs for s in p.own.settings)]
-        runs = self._tried(wanted, signal)
+            wanted += [[self.middle], self.law.settings, *(p.own.settings for p in pairs)]
+        runs = self._tried([s for some in wanted for s in some], signal)
         first = compared(runs.shape[2], self.rig.envelope.sample_time).start
-        flat = (runs[:, :, first:] / self.noise[:, None]).reshape(len(wanted), -1)
+        flat = (runs[:, :, first:] / self.noise[:, None]).reshape(len(runs), -1)
+        ones, rivals, *steps = np.split(flat, np.cumsum([len(some) for some in wanted])[:-1])
         if not np.isfinite(flat[: 2 * len(pairs)]).all():
             return np.zeros(len(pairs))
-        at, out = 2 * len(pairs), []
+        apart = [one - rival for one, rival in zip(ones, rivals, strict=True)]
+        totals = [float(a @ a) for a in apart]
         if fitted:
-            count = len(self.law.sizes)
-            law = self.law.columns(flat[at + 1 : at + 1 + count], flat[at])
-            at += 1 + count
-        for k, p in enumerate(pairs):
-            apart = flat[2 * k] - flat[2 * k + 1]
-            total = float(apart @ apart)
-            if fitted:
-                own = p.own.columns(flat[at : at + len(p.own.sizes)], flat[2 * k + 1])
-                at += len(p.own.sizes)
-                total = p.gained(np.vstack([law, own]), apart)
-            out.append(np.sqrt(total / len(apart)))
-        return np.array(out)
+            law = self.law.columns(steps[1], steps[0][0])
+            own = [p.own.columns(*moved) for p, *moved in zip(pairs, steps[2:], rivals, strict=True)]
+            totals = [p.gained(np.vstack([law, j]), a) for p, j, a in zip(pairs, own, apart, strict=True)]
+        return np.sqrt(np.array(totals) / flat.shape[1])
 
     def _tried(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Runs (sets, channels, n); NaN for settings that the chain rejects, such as steps beyond its limits.
@@ -212,7 +206,10 @@ def next_test(
     if decision.verdict == "unknown" and near is not None:
         pairs.append(make.against(near))
         reasons.append(f"to separate {' from '.join(pairs[-1].names)}, the nearest known causes")
-    terms = _first_of_stages([t for t in rig.terms if any(t.cause == u["effect"] for u in hidden)])
+    first: dict[str, Term] = {}  # cause of each stage
+    for term in (t for t in rig.terms if any(t.cause == u["effect"] for u in hidden)):
+        first.setdefault(term.stage, term)
+    terms = list(first.values())[:_PAIRS]
     pairs += [make.unseen(t) for t in terms]
     if terms:
         reasons.append(f"these records hardly show {', '.join(t.cause for t in terms)}")
@@ -305,14 +302,6 @@ class _Pairs:
     def _known(self, rival: Fit) -> Array:
         own = rival.jacobian[:, len(rival.hypothesis.nominal) :]
         return np.asarray((np.hstack([self.law, own]) * self.scale[:, None]).T)
-
-
-def _first_of_stages(terms: Sequence[Term]) -> list[Term]:
-    """The first cause of every stage, up to the largest number of pairs."""
-    first: dict[str, Term] = {}
-    for term in terms:
-        first.setdefault(term.stage, term)
-    return list(first.values())[:_PAIRS]
 
 
 def _left(search: Search, chosen: Fit) -> Array:
