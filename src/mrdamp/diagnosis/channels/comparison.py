@@ -24,7 +24,7 @@ from mrdamp.diagnosis.constants import (
     SAME_UNIT,
 )
 from mrdamp.diagnosis.hypotheses.outside import PLAIN
-from mrdamp.diagnosis.hypotheses.terms import Settings, Term
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings, Term
 from mrdamp.model import core
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -164,13 +164,9 @@ def _pair(
     beyond, floor = best.before**2 - best.noise**2, (DIRECT_RESOLUTION * best.noise) ** 2 + resolution**2
     found: tuple[float, list[Compared]] = (DIRECT_LEFT * beyond, [])
     for one, other in combinations(simplest.values(), 2):
-        together = Term(
-            one.effect, one.stage, one.coordinates + other.coordinates, ((*one.starts[0], *other.starts[0]),),
-            fixed={**one.fixed, **other.fixed},
-        )  # fmt: skip
-        settings, after = _fitted(together, together.starts[0], residual)
-        nats = 0.5 * INDEPENDENT * float(np.log((best.before**2 + floor) / (after + floor)))
-        nats -= NUMBER * len(together.coordinates)
+        together = Hypothesis((), (one, other))
+        settings, after = _fitted(together, together.start(), residual)
+        nats = _nats(together, best.before**2 + floor, after + floor)
         left = max(after - best.noise**2, 0.0)
         if left < found[0] and nats > 0:
             rows = []
@@ -207,11 +203,11 @@ def best_cause(
     for term in sorted(terms, key=lambda t: len(t.coordinates)):
         if best.after**2 <= noise**2 + floor:
             break  # nothing is left for another effect
-        for start in term.starts:
-            settings, mean_square = _fitted(term, start, residual)
+        hypothesis = Hypothesis((), (term,))
+        for k in range(len(term.starts)):
+            settings, mean_square = _fitted(hypothesis, hypothesis.start((k,)), residual)
             after = mean_square * unit**2
-            nats = 0.5 * INDEPENDENT * float(np.log((before + floor) / (after + floor)))
-            nats -= NUMBER * len(term.coordinates)
+            nats = _nats(hypothesis, before + floor, after + floor)
             if max(after - noise**2, 0.0) < DIRECT_LEFT * (before - noise**2) and nats > best.nats:
                 best = Compared(
                     channels, best.before, float(np.sqrt(after)), noise, term.cause, term, settings, nats
@@ -220,18 +216,16 @@ def best_cause(
 
 
 def _fitted(
-    term: Term, start: Sequence[float], residual: Callable[[Settings], Array]
+    hypothesis: Hypothesis, start: Array, residual: Callable[[Settings], Array]
 ) -> tuple[Settings, float]:
-    """Settings of the term with the least mean square, from any of its starts."""
-    coordinates = term.coordinates
-
-    def settings(q: Array) -> Settings:
-        own = {c.name: c.value(float(v)) for c, v in zip(coordinates, q, strict=True)}
-        return {**term.fixed, **own}
-
-    ends = np.array([sorted(c.bounds) for c in coordinates])
-    q0 = np.clip([c.point(v) for c, v in zip(coordinates, start, strict=True)], ends[:, 0], ends[:, 1])
+    """Settings of causes with the least mean square, from a start."""
+    bounds = hypothesis.bounds()
     found = least_squares(
-        lambda q: residual(settings(q)), q0, bounds=(ends[:, 0], ends[:, 1]), diff_step=1e-3, max_nfev=15
+        lambda q: residual(hypothesis.settings(q)), np.clip(start, *bounds), bounds=bounds, diff_step=1e-3, max_nfev=15
     )
-    return settings(found.x), float(2 * found.cost / len(found.fun))
+    return hypothesis.settings(found.x), float(2 * found.cost / len(found.fun))
+
+
+def _nats(hypothesis: Hypothesis, before: float, after: float) -> float:
+    """Log evidence of causes that take a mean square from `before` to `after`."""
+    return 0.5 * INDEPENDENT * float(np.log(before / after)) - NUMBER * len(hypothesis.coordinates)
