@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.policy import Policy
+from mrdamp.control.policy import Network, Policy
 
 Array = NDArray[np.float64]
 

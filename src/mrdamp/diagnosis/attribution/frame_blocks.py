@@ -78,22 +78,18 @@ def blocks(case: Case) -> tuple[Block, ...]:
     own = [_errors(model, structure, _simulated(model, r, k)) for k, r in enumerate(case.records)]
     pairs = [(errors[k], _errors(model, structure, r)) for r, k in case.repeats if k is not None]
     out = []
-    for key in errors[0]:
-        sizes = [_mean_square(e[key][1]) for e in errors]
-        gap = float(
-            np.sqrt(np.mean([np.mean(e[key][0] ** 2) / size for e, size in zip(errors, sizes, strict=True)]))
-        )
+    for kind, place in errors[0]:
+        found, outputs = zip(*(e[kind, place] for e in errors), strict=True)
+        sizes = [_mean_square(output) for output in outputs]
+        gap = float(np.sqrt(np.mean([np.mean(e**2) / size for e, size in zip(found, sizes, strict=True)])))
         # Noise is equal in all records and does not scale with the signal.
-        noise = np.mean([np.mean((a[key][0] - b[key][0]) ** 2) / 2 for a, b in pairs]) if pairs else 0.0
-        kind, place = key
-        made = float(np.mean([_mean_square(e[key][0]) / _mean_square(e[key][1]) for e in own]))
+        apart = [a[kind, place][0] - b[kind, place][0] for a, b in pairs]
+        noise = np.mean([np.mean(d**2) / 2 for d in apart]) if apart else 0.0
+        simulated = (e[kind, place] for e in own)
+        made = float(np.mean([_mean_square(error) / _mean_square(output) for error, output in simulated]))
         level = float(np.sqrt(max(noise * np.mean([1 / size for size in sizes]), made)))
-        sums = np.concatenate(
-            [
-                _by_second(e[key][0], r.sample_time) / (size, 1.0)
-                for e, r, size in zip(errors, case.records, sizes, strict=True)
-            ]
-        )
+        rows = zip(found, case.records, sizes, strict=True)
+        sums = np.concatenate([_by_second(e, r.sample_time) / (size, 1.0) for e, r, size in rows])
         drawn = draws(len(sums)) @ sums
         out.append(Block(kind, place or None, gap, level, drawn[:, 0] / drawn[:, 1]))
     return tuple(out)

@@ -75,8 +75,10 @@ def compared_parts(
 Errors = Callable[[Balances, int, Settings], tuple[Array, Array]]
 
 
-def _over_noise(found: Sequence[Balances], parts: Sequence[Part], errors: Errors) -> Callable[[Settings], Array]:
-    """Errors (samples,) of parts over their noise, as a function of the settings of a cause."""
+def _explained(
+    channels: tuple[str, str], found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term], errors: Errors
+) -> Compared:
+    """The cause that explains the errors of parts over their noise, together."""
 
     def residual(settings: Settings) -> Array:
         out = []
@@ -86,16 +88,18 @@ def _over_noise(found: Sequence[Balances], parts: Sequence[Part], errors: Errors
                 out.append(_thinned(b, error) / (p.noise * np.sqrt(np.mean(output**2))))
         return np.concatenate(out)
 
-    return residual
+    return best_cause(channels, terms, residual, float(np.mean([p.noise for p in parts])))
 
 
 def _of_storeys(found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term]) -> Compared:
-    """All storeys together, over their noise: a mass enters the balance of every storey below it."""
-    residual = _over_noise(found, parts, lambda b, j, settings: (_storey(b, j, settings), b.shear[j]))
-    noise = float(np.mean([p.noise for p in parts]))
-    best = best_cause(("storeys' drifts", "floors' accelerations"), terms, residual, noise)
+    """All storeys together: a mass enters the balance of every storey below it."""
+
+    def errors(b: Balances, j: int, settings: Settings) -> tuple[Array, Array]:
+        return _storey(b, j, settings), b.shear[j]
+
+    best = _explained(("storeys' drifts", "floors' accelerations"), found, parts, terms, errors)
     if best.cause is None:
-        best = replace(best, after=noise * _left_by_numbers(found, parts))
+        best = replace(best, after=best.noise * _left_by_numbers(found, parts))
     return best
 
 
@@ -126,20 +130,18 @@ def _of_accelerometer(found: Sequence[Balances], part: Part, terms: Sequence[Ter
         return _through_sensor(b.moved[j], b.sample_time, settings) - b.read[j], b.moved[j]
 
     names = f"floor{j}_displacement_m", f"floor{j}_acceleration_m_s2"
-    return best_cause(names, terms, _over_noise(found, [part], errors), part.noise)
+    return _explained(names, found, [part], terms, errors)
 
 
 def _of_displacements(found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term]) -> Compared:
-    """All accelerometers together, over their noise, with a delay of the displacements or of the ground channel."""
+    """All accelerometers together, with a delay of the displacements or of the ground channel."""
 
     def errors(b: Balances, j: int, settings: Settings) -> tuple[Array, Array]:
         t = b.sample_time * np.arange(len(b.ground))
         relative = np.interp(t + settings.get("channel_shift_d", 0.0), t, b.moved[j] - b.ground)
         return shaken(settings, b.ground, b.sample_time) + relative - b.read[j], b.moved[j]
 
-    noise = float(np.mean([p.noise for p in parts]))
-    names = "floors' displacements", "floors' accelerations"
-    return best_cause(names, terms, _over_noise(found, parts, errors), noise)
+    return _explained(("floors' displacements", "floors' accelerations"), found, parts, terms, errors)
 
 
 def _storey(b: Balances, storey: int, settings: Settings) -> Array:

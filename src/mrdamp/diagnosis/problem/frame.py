@@ -175,18 +175,17 @@ class FrameRig(Simulator):
         """
         low, high = sorted(self.structure.damper_between)
         inside = {f"storey {j}" for j in range(low + 1, high + 1)}
+        meters = {f"accelerometer {j}" for j in range(1, self.structure.storeys + 1)}
         out = []
         for term in without_nominal(self.catalogue, self.nominal_model.effects):
-            if term.place is not None:
-                block = f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}"
-                known = self.sharp if term.stage == "sensor" else self.clean
-                at_fault = block not in known or (self.quiet and term.stage == "structure")
-            else:
-                at_fault = term.stage != "sensor" or term.effect == "channel_shift" or not inside & self.sharp
             if term.effect == "channel_shift":
-                at_fault = not any(
-                    f"accelerometer {j}" in self.clean for j in range(1, self.structure.storeys + 1)
-                )
+                at_fault = not meters & self.clean
+            elif term.place is None:
+                at_fault = term.stage != "sensor" or not inside & self.sharp
+            elif term.stage == "sensor":
+                at_fault = f"accelerometer {term.place}" not in self.sharp
+            else:
+                at_fault = self.quiet or f"storey {term.place}" not in self.clean
             if at_fault and (term.place is not None or not self.placed) and self._reads(term):
                 out.append(term)
         return tuple(out)

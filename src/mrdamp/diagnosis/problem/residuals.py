@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -104,23 +105,10 @@ class Problem:
         stride = max(1, round(sum(r.n for r in rig.records) * len(rig.channels) / _SAMPLES))
         return cls(rig, stride=stride, coarse=coarse, trust=trust)
 
-    def like(
-        self,
-        rig: Rig | None = None,
-        records: Sequence[int] | None = None,
-        *,
-        stride: int | None = None,
-        coarse: bool | None = None,
-        trust: Mapping[tuple[int, int], float] | None = None,
-    ) -> Problem:
-        """The same residuals of another rig, of some of the records, of other runs, or with other weights."""
-        return Problem(
-            rig or self.rig,
-            self.records if records is None else records,
-            stride=stride or self.stride,
-            coarse=self.coarse if coarse is None else coarse,
-            trust=self.trust if trust is None else trust,
-        )
+    def like(self, rig: Rig | None = None, **changed: Any) -> Problem:
+        """The same residuals of another rig, or with some arguments of a problem changed."""
+        own = {"records": self.records, "stride": self.stride, "coarse": self.coarse, "trust": self.trust}
+        return Problem(rig or self.rig, **{**own, **changed})
 
     def rougher(self, hypothesis: Hypothesis) -> Problem:
         """The same residuals from cheaper runs for the descent: with a search's step instead of the full one,

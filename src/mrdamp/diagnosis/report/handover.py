@@ -4,9 +4,8 @@ with it."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -28,27 +27,22 @@ _STEPPED = 3
 class Agreement:
     """One record, simulated by the C entry (as in the diagnosis) and with the written MJCF in MuJoCo.
 
-    offline, mujoco: gaps, channels pooled. difference: RMS difference of the two simulations. All are
-    relative to the RMS of the measurement.
+    Gaps, channels pooled, and RMS difference of the two simulations, all relative to the RMS of the measurement.
     """
 
     record: str
-    offline: float
-    mujoco: float
+    offline_gap: float
+    mujoco_gap: float
     difference: float
 
     @property
     def within(self) -> bool:
         """True if the two gaps agree within 1 % of the RMS."""
-        return abs(self.mujoco - self.offline) <= AGREEMENT
-
-    def to_dict(self) -> dict[str, Any]:
-        gaps = {"offline_gap": self.offline, "mujoco_gap": self.mujoco, "difference": self.difference}
-        return {"record": self.record, **gaps}
+        return abs(self.mujoco_gap - self.offline_gap) <= AGREEMENT
 
     def line(self) -> str:
         """Note for a disagreement."""
-        gaps = f"{100 * self.mujoco:.2f} % in MuJoCo, {100 * self.offline:.2f} % offline"
+        gaps = f"{100 * self.mujoco_gap:.2f} % in MuJoCo, {100 * self.offline_gap:.2f} % offline"
         return f"MJCF stepped on {self.record}: the gap is {gaps}"
 
 
@@ -63,7 +57,7 @@ def hand_over(found: Diagnosis, records: Sequence[Record], folder: Path) -> Diag
     except InputError as error:
         return replace(found, notes=(*found.notes, f"no MJCF of the corrected simulator: {error}"))
     off = [r.line() for r in rows if not r.within]
-    return replace(found, stepped=tuple(r.to_dict() for r in rows), notes=(*found.notes, *off))
+    return replace(found, stepped=tuple(asdict(r) for r in rows), notes=(*found.notes, *off))
 
 
 def agreement(model: Model, record: Record) -> Agreement:
