@@ -75,23 +75,21 @@ def columns_of(problem: Problem, rig: DamperRig) -> dict[str, Columns]:
     if the last channel is a separate load cell.
     """
     states = [_states(problem, rig, k) for k in problem.records]
-    scale = {n: np.concatenate([s[n] for s in states]) for n in ("u", "x", "v", "force")}
+    scale = {n: np.concatenate([s[n] for s, _ in states]) for n in ("u", "x", "v", "force")}
     size = float(np.sqrt(np.mean(scale["force"] ** 2))) or 1.0
     top = float(np.quantile(np.abs(scale["force"]), 0.995)) or 1.0
     knots = {n: _knots(scale[n], count) for n, count in (("u", 6), ("x", 7), ("v", 9))}
     knots["force"] = np.linspace(-top, top, 9)
     out = {n: Columns() for n in ("driver", "magnetics", "fluid", "mechanics", "mount", "reading", "sensor")}
-    for s in states:
+    for s, moved in states:
         # Failures and fluctuations of the force due to the command scale with the current.
         made = s["force"] - s["still"]
         out["driver"].add(_driver(s), (made, s["slope"], s["slope"] * s["u"]))
         out["magnetics"].add(_magnetics(s, knots), (made,))
         out["fluid"].add(_fluid(s, knots, size), (s["force"],))
         out["mechanics"].add(_mechanics(s, knots), (np.ones(len(made)),))
-        mount = [s["by force"], s["by force cubed"], s["by its sign"], s["by force before"]]
-        out["mount"].add([*mount, *(s[f"by gap {gap}"] for gap in _GAPS)], (s["by force"],))
-        reading = ["by v", "by v in time", "by sign of v", "by x", "by x squared", "by time", "by one"]
-        out["reading"].add([s[name] for name in reading], (s["by v"], s["by one"]))
+        out["mount"].add(moved["mount"], (moved["mount"][0],))
+        out["reading"].add(moved["reading"], (moved["reading"][0], moved["reading"][-1]))
         out["sensor"].add(_sensor(s, size), (np.ones(len(made)), s["force rate"]))
     if rig.channels[-1] != "force_N":
         del out["sensor"]
@@ -152,9 +150,11 @@ def _sensor(s: Mapping[str, Array], size: float) -> list[Array]:
     return [np.ones(len(f)), s["t"], s["u"], f, f * np.abs(f), f**3, *before, s["force rate"] / size]
 
 
-def _states(problem: Problem, rig: DamperRig, record: int) -> dict[str, Array]:
-    """Variables of a record's columns, (n,) each at the residuals' samples: motion over its range, command
-    over its maximum, forces in N."""
+def _states(
+    problem: Problem, rig: DamperRig, record: int
+) -> tuple[dict[str, Array], dict[str, list[Array]]]:
+    """Variables of a record's columns, (n,) each at the residuals' samples: motion over its range, command over its
+    maximum, forces in N; and the columns of errors of the motion, in the mount and in its reading."""
     r, size, take = rig.records[record], rig.sizes, problem.taken(record)
     x, dt = rig.motions[record], r.sample_time
     v = rig.velocity(record)
@@ -166,21 +166,12 @@ def _states(problem: Problem, rig: DamperRig, record: int) -> dict[str, Array]:
     force, still = force_at(u), force_at(0 * u)
     f, w = force / size.force, v / size.velocity
     place = x / size.stroke
+    gaps = [10 * (play(place, gap) - place) for gap in _GAPS]
     moves = {
-        "by force": f,
-        "by force cubed": f**3,
-        "by its sign": np.tanh(5 * f),
-        "by force before": memory(f, dt, 0.1) - f,
-        **{f"by gap {gap}": 10 * (play(place, gap) - place) for gap in _GAPS},
-        "by v": w,
-        "by v in time": w * time / 5,
-        "by sign of v": np.tanh(w / _SLIP),
-        "by x": place,
-        "by x squared": place**2,
-        "by time": time / _TIME,
-        "by one": np.ones(r.n),
+        "mount": [f, f**3, np.tanh(5 * f), memory(f, dt, 0.1) - f, *gaps],
+        "reading": [w, w * time / 5, np.tanh(w / _SLIP), place, place**2, time / _TIME, np.ones(r.n)],
     }
-    changed = {n: force_at(u, _STEP_MOTION * size.stroke * m) for n, m in moves.items()}
+    changes = {n: [force_at(u, _STEP_MOTION * size.stroke * m) - force for m in some] for n, some in moves.items()}
     back = 0.01 * float(np.std(x))
     states = {
         "t": time / _TIME,
@@ -205,9 +196,9 @@ def _states(problem: Problem, rig: DamperRig, record: int) -> dict[str, Array]:
         **{f"force {tau}": memory(force, dt, tau) for tau in _FORCE},
         **{f"x {tau}": memory(place, dt, tau) for tau in _MOTION},
         **{f"open {a} {tau}": np.exp(-dt * _since(np.abs(f) > a) / tau) for a in _OPENS for tau in _CLOSES},
-        **{name: (c - force) / _STEP_MOTION for name, c in changed.items()},
     }
-    return {name: values[take] for name, values in states.items()}
+    moved = {name: [(c / _STEP_MOTION)[take] for c in some] for name, some in changes.items()}
+    return {name: values[take] for name, values in states.items()}, moved
 
 
 def play(x: Array, width: float) -> Array:

@@ -26,7 +26,7 @@ from mrdamp.diagnosis.problem.command_memory import with_waves
 from mrdamp.diagnosis.problem.designs import Envelope, Signal
 from mrdamp.diagnosis.problem.excerpts import STEP, Lead, excerpts
 from mrdamp.diagnosis.problem.residuals import Problem, compared
-from mrdamp.diagnosis.problem.simulator import STEADY, Simulator
+from mrdamp.diagnosis.problem.rig import STEADY, Simulator
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array
 from mrdamp.records import Record

@@ -20,7 +20,7 @@ from mrdamp.diagnosis.hypotheses.outside_storeys import base_rivals, bent, shake
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.diagnosis.problem.command_memory import with_waves
 from mrdamp.diagnosis.problem.designs import Envelope, Signal
-from mrdamp.diagnosis.problem.simulator import Simulator
+from mrdamp.diagnosis.problem.rig import Simulator
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array, FrameInput

@@ -1,17 +1,36 @@
-"""Interface of a rig: its records, its free nominal parameters, its catalogue and its simulator."""
+"""Interface of a rig: its records, its free nominal parameters, its catalogue and its simulator; and what the rigs of a
+damper and of a frame have in common: all that follows from the nominal simulator alone."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Protocol, runtime_checkable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol, runtime_checkable
 
-from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Term
+import numpy as np
+
+from mrdamp.diagnosis.hypotheses.damper_effects import nominal_coordinates
+from mrdamp.diagnosis.hypotheses.nominal_effects import effect_coordinates, merged
+from mrdamp.diagnosis.hypotheses.outside import inside_of
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
+from mrdamp.diagnosis.problem.command_memory import ALONG, MEMORY, log_entry
 from mrdamp.diagnosis.problem.designs import Envelope, Signal
 from mrdamp.errors import InputError
-from mrdamp.model import Model
+from mrdamp.model import Effect, Model, effects_from
 from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.log_filter import AS_SENT, LOG, without_waves
+
+#: Channels (sets, channels, m) of settings under a command (m,).
+Run = Callable[[Sequence[Settings], Array], Array]
+#: Commands that change by no more than this share of the largest one show nothing of what depends on them; measured
+#: commands that are meant to be constant wobble by up to 1.4 %.
+STEADY = 0.05
+#: A negative command below this share of the largest is a filter's overshoot.
+_OVERSHOOT = 0.05
 
 
 @runtime_checkable
@@ -94,6 +113,100 @@ class Rig(Protocol):
 
     def model(self, settings: Mapping[str, float]) -> Model:
         """The simulator with these settings, as a file contains it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Simulator(ABC):
+    """The nominal simulator of a rig."""
+
+    nominal_model: Model
+
+    @cached_property
+    @abstractmethod
+    def sizes(self) -> Sizes:
+        """Ranges of the records."""
+
+    @property
+    def hold(self) -> bool:
+        """True if the command is held between samples."""
+        return bool(self.nominal_model.hold)
+
+    @cached_property
+    def base(self) -> dict[str, float]:
+        """The nominal settings, with the file's entry on the log."""
+        along = {ALONG: 1.0} if self.nominal_model.extra.get(LOG) == AS_SENT else {}
+        return dict(self.nominal_model.attributes) | along
+
+    @cached_property
+    def _ringing(self) -> dict[Hashable, tuple[Array, Array] | None]:
+        """By key of `commands`: the command without its log's ringing, and what this adds to the channels."""
+        return {}
+
+    def commands(
+        self, run: Run, settings: Sequence[Settings], logged: Array, fine: Array, key: Hashable
+    ) -> list[tuple[list[int], Array, Array | float]]:
+        """Which settings run under which command (m,), and what is added to their channels (channels, m): stages with
+        memory see the command without the log's ringing.
+
+        The command as logged (n,) and at the time steps of the run (m,). The channels contain the same filter's
+        ringing: it is added as the simulator without memory gives it. key: of the record and the run's steps.
+        """
+        rows = [
+            k
+            for k, s in enumerate(settings)
+            if s.get(MEMORY, self.base.get(MEMORY, 0.0)) and not (ALONG in self.base or ALONG in s)
+        ]
+        if rows and key not in self._ringing:
+            without, off = without_waves(logged, fine), [{MEMORY: 0.0}]
+            added = None if without is None else (run(off, fine) - run(off, without))[0]
+            self._ringing[key] = None if without is None or added is None else (without, added)
+        ringing = self._ringing[key] if rows else None
+        if ringing is None:
+            return [([*range(len(settings))], fine, 0.0)]
+        others = [k for k in range(len(settings)) if k not in set(rows)]
+        return [(rows, *ringing), *([(others, fine, 0.0)] if others else [])]
+
+    def measured(self: Rig, record: int) -> Array:
+        """(channels, n) of a record."""
+        return np.vstack([self.records[record].channel(c) for c in self.channels])
+
+    def numbers(
+        self, catalogue: Sequence[Term], records: Sequence[Record], factor: float, which: Callable[[str], bool]
+    ) -> tuple[Coordinate, ...]:
+        """The nominal parameters of the law, those that `which` names in a range that is wider by a factor, and of
+        the effects."""
+        model, s = self.nominal_model, self.sizes
+        one_command = float(np.ptp(np.concatenate([r.command for r in records]))) <= STEADY * s.command
+        law = nominal_coordinates(dict(model.parameters), s.command, s.stroke, one_command=one_command)
+        wider = (
+            replace(c, low=c.low / factor, high=c.high * factor) if c.log and which(c.name) else c for c in law
+        )
+        return (*wider, *effect_coordinates(model.effects, catalogue))
+
+    def limits(
+        self,
+        channel: str,
+        largest: float,
+        rate: float | None,
+        band: tuple[float, float],
+        records: Sequence[Record],
+    ) -> Envelope:
+        """Limits of a test: those of its motion (see `Envelope`), and the command from the least of the records to the
+        simulator's largest. Any command can be switched off, few rigs reverse their current."""
+        command = np.concatenate([r.command for r in records])
+        low, most = float(command.min()), float(command.max())
+        low = low if low < -_OVERSHOOT * most else 0.0
+        high = self.nominal_model.parameters.get("command_max", most)
+        return Envelope(channel, largest, rate, *band, low, high, self.sizes.sample_time)
+
+    def with_settings(self, settings: Mapping[str, float], placed: Sequence[Effect] = (), **more: Any) -> Model:
+        """The simulator with these settings and effects with a place. more: other fields of the model."""
+        nominal = self.nominal_model
+        parameters = {k: settings.get(k, value) for k, value in nominal.parameters.items()}
+        own = {k: v for k, v in inside_of(settings).items() if k not in parameters and "@" not in k}
+        effects = merged(nominal.effects, [*effects_from(own), *placed])
+        extra = {**nominal.extra, **log_entry(settings)}
+        return replace(nominal, parameters=parameters, effects=effects, extra=extra, **more)
 
 
 def models_of(rig: Rig, settings: Iterable[Settings], most: int) -> tuple[Model, ...]:

@@ -274,11 +274,9 @@ class _Pairs:
         named = next(c for c in tie if c in own)
         out = []
         for cause in (c for c in tie if c != named):
-            if cause == "parameters":
-                out.append(self.search.base)
-                continue
             wanted = (own - {named}) | {cause}
             alike = [self.search.smallest(free, wanted) for free in (False, True)]
+            alike = [self.search.base] if cause == "parameters" else alike
             out += [f for f in alike if f is not None][:1]
         return out
 
