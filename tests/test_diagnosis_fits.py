@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mrdamp.diagnosis.attribution.stages import changes, stage_shares
+from mrdamp.diagnosis.evidence import judgement
 from mrdamp.diagnosis.fits import alternative_forms, screening
 from mrdamp.diagnosis.fits.final import final_fit, least_left_out
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
