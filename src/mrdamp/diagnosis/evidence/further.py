@@ -80,7 +80,8 @@ def _further(search: Search, parent: Fit) -> tuple[Fit, float] | None:
         left, more = min(search.ratio(r, before) for r, _ in search.versions(f)), len(f.point) - numbers
         direct = search.direct.get(f.hypothesis.causes[-1], 0.0)
         unsure = search.inexact and not search.own
-        penalty = of_itself(f) + (of_law(search.problem.rig, f.hypothesis.causes[-1:]) if unsure else 0.0)
+        penalty = of_itself(f, beside=len(parent.hypothesis.terms))
+        penalty += of_law(search.problem.rig, f.hypothesis.causes[-1:]) if unsure else 0.0
         worth.append(utility(left, 1, more, penalty=penalty) - SECOND_CAUSE + direct)
     freed = None if parent.hypothesis.nominal else search.smallest(True, parent.hypothesis.causes)
     names: list[tuple[str, ...]] = [(f.hypothesis.causes[-1],) for f in tried]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 from mrdamp.diagnosis.constants import CAUSE, LAW, LOOPS
@@ -13,9 +14,10 @@ from mrdamp.diagnosis.problem.rig import Rig
 _MAKING = (frozenset({"backlash_gap"}), frozenset({"driver_lag_tau", "driver_lag_tau2"}))
 
 
-def of_itself(found: Fit) -> float:
-    """Penalty of a fit with a cause whose parameters make it another one."""
-    return CAUSE * gone(found)
+def of_itself(found: Fit, beside: int = 0) -> float:
+    """Penalty of a fit with a cause whose parameters make it another one, and of its forms: all forms of a cause share
+    its prior, or a cause with many would be as many causes. beside: number of its terms that are taken for granted."""
+    return CAUSE * gone(found) + sum(math.log(t.forms) for t in found.hypothesis.terms[beside:])
 
 
 def of_damper(rig: Rig, found: Fit, *, unsure: bool = False) -> float:

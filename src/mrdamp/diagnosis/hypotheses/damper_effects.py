@@ -18,7 +18,16 @@ import numpy as np
 from mrdamp.diagnosis.constants import CLEARANCE
 from mrdamp.diagnosis.hypotheses.current_effects import current_terms
 from mrdamp.diagnosis.hypotheses.fluid_effects import fluid_terms
-from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, linear, positive, term
+from mrdamp.diagnosis.hypotheses.terms import (
+    Coordinate,
+    Settings,
+    Sizes,
+    Term,
+    catalogue,
+    linear,
+    positive,
+    term,
+)
 from mrdamp.model.core import Array
 
 
@@ -28,7 +37,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
     inertia, dt = s.force / s.acceleration, s.sample_time
     parts = _mechanics(s), _mass_terms(inertia, dt), _mount(s), _sensor(s.force, dt)
     terms = chain(current_terms(s), fluid_terms(s), *parts)
-    return tuple(t for t in terms if t.starts)
+    return catalogue(t for t in terms if t.starts)
 
 
 def _mechanics(s: Sizes) -> Iterator[Term]:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from mrdamp.diagnosis.hypotheses.damper_effects import SECOND_LEAK, TWO_LEAKS, rms
-from mrdamp.diagnosis.hypotheses.terms import Coordinate, Sizes, Term, linear, positive, term
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Sizes, Term, catalogue, linear, positive, term
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect
 from mrdamp.records import Record
 from mrdamp.structures import ShearFrame
@@ -35,7 +35,7 @@ def frame_terms(s: ShearFrame, records: Sequence[Record], sizes: Sizes) -> tuple
         out += _storey(j, float(s.mass[j - 1]), shear, dashpot)
         out += _accelerometer(j, acceleration, sizes.sample_time)
     # A relative change of zero damping has no effect.
-    return tuple(t for t in out if t.effect != "storey_damping" or s.damping[(t.place or 1) - 1] > 0)
+    return catalogue(t for t in out if t.effect != "storey_damping" or s.damping[(t.place or 1) - 1] > 0)
 
 
 def _storey(j: int, mass: float, shear: float, dashpot: float) -> Iterator[Term]:

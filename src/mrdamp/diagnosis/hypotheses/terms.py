@@ -7,7 +7,8 @@ positive number over decades). A prior is a standard deviation in that unit and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -86,6 +87,7 @@ class Term:
     starts: values of the coordinates (starts, coordinates), SI units, from which fits and screenings begin;
     the coordinates' own start is their middle. fixed: settings that select the form. later: tried only in place of
     another form of its cause. is_other: True for settings that make the effect another one of the catalogue, or none.
+    forms: number of forms of its cause in the catalogue.
     """
 
     effect: str
@@ -97,6 +99,7 @@ class Term:
     fixed: Mapping[str, float] = field(default_factory=dict)
     later: bool = False
     is_other: Callable[[Settings], bool] | None = field(default=None, compare=False)
+    forms: int = 1
 
     @property
     def two_sided(self) -> bool:
@@ -135,6 +138,13 @@ def term(
     whole = tuple(replace(c, name=f"{before}{c.name}{behind}") for c in coordinates)
     settings = {f"{before}{key}{behind}": value for key, value in (fixed or {}).items()}
     return Term(effect, stage, whole, starts, place, form, settings, is_other=is_other)
+
+
+def catalogue(terms: Iterable[Term]) -> tuple[Term, ...]:
+    """The terms, each with the number of forms of its cause among them."""
+    every = tuple(terms)
+    forms = Counter(t.cause for t in every)
+    return tuple(replace(t, forms=forms[t.cause]) for t in every)
 
 
 #: Range about a setting known from another channel, as a share of it, and in units of search about zero. In four opened
