@@ -33,7 +33,7 @@ from mrdamp.envs.loads import (
 from mrdamp.envs.plant_env import Plant, PlantEnv, StructureEnv
 from mrdamp.envs.structure import Structure
 from mrdamp.registration import ENVIRONMENTS, register
-from mrdamp.structures.frames import Mechanics
+from mrdamp.structures.lumped import Mechanics
 
 __all__ = [
     "ENVIRONMENTS",

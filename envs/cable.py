@@ -28,7 +28,7 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.structures.cables import StayCable
-from mrdamp.structures.frames import Mechanics
+from mrdamp.structures.lumped import Mechanics
 
 _STEP = 1e-3  # s
 

@@ -13,7 +13,7 @@ from mrdamp.model.core import Array
 from mrdamp.simulation.mjcf import add_damper, get, remove_damper, shipped
 from mrdamp.structures import GRAVITY, FloatArray
 from mrdamp.structures.cables import StayCable
-from mrdamp.structures.frames import Mechanics
+from mrdamp.structures.lumped import Mechanics
 
 _APART = 0.5  # m, of the bodies as drawn
 

@@ -28,7 +28,7 @@ from mrdamp.model.core import Array
 from mrdamp.simulation.criteria import wk
 from mrdamp.simulation.roads import Road, read_road
 from mrdamp.structures import ShearFrame
-from mrdamp.structures.frames import QuarterCar
+from mrdamp.structures.lumped import QuarterCar
 
 _PARTS, _TOTALS = of_dampers(5)
 #: Of critical: the dashpot of the linear suspension. Passenger cars have .2 to .4 (T. D. Gillespie, Fundamentals of
@@ -270,7 +270,7 @@ class CarEnv(PlantEnv):
     The tyre transmits no tension: the wheel lifts off if its load would fall below zero. The damper is the MuJoCo
     plugin `mrdamp.damper`, by default the Lord RD-1005 (2 kN, 0 to 2 V) of Lai and Liao (Journal of Vibration and
     Control 8 (2002) 527-547, doi 10.1177/107754602023712). The car's masses and stiffnesses are those of doi
-    10.1155/2021/8084343 (`mrdamp.structures.frames.QuarterCar`).
+    10.1155/2021/8084343 (`mrdamp.structures.lumped.QuarterCar`).
 
     The physics is that of `models_xml/quarter_car/model.xml`.
 

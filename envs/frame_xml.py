@@ -35,7 +35,7 @@ from mrdamp.simulation.mjcf import (
 )
 from mrdamp.simulation.stepping import FrameRun
 from mrdamp.structures import ShearFrame, dyke1996
-from mrdamp.structures.frames import QuarterCar
+from mrdamp.structures.lumped import QuarterCar
 
 Position = tuple[int, int]
 

@@ -1,6 +1,6 @@
 """Structures of one's own, given by matrices, places and goals: all else follows from these.
 
-The matrices are those of `mrdamp.structures.frames.Mechanics`.
+The matrices are those of `mrdamp.structures.lumped.Mechanics`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from mrdamp.model.core import Array
 from mrdamp.outside import named
 from mrdamp.simulation.mjcf import SIGNALS
 from mrdamp.simulation.rows import finite
-from mrdamp.structures.frames import Mechanics
+from mrdamp.structures.lumped import Mechanics
 
 _LQG = {"r": 1e-2, "noise_ratio": 100.0}
 _LEVEL = {"level": 1.0}

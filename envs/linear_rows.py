@@ -16,7 +16,7 @@ from mrdamp.envs.structure import Structure
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model.core import Array
 from mrdamp.simulation.rows import ChainRows, Stepping
-from mrdamp.structures.frames import Mechanics
+from mrdamp.structures.lumped import Mechanics
 
 if TYPE_CHECKING:
     from mrdamp.envs.cable import Cable

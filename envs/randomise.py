@@ -21,7 +21,7 @@ from mrdamp.model.damper import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, damper_
 from mrdamp.simulation.rows import ChainRows, Each, require_finite
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cables import StayCable
-from mrdamp.structures.frames import QuarterCar
+from mrdamp.structures.lumped import QuarterCar
 
 _STRUCTURES = (ShearFrame, StayCable, QuarterCar)
 

@@ -37,7 +37,7 @@ from mrdamp.envs.car import linear_run
 from mrdamp.envs.frame_xml import car_xml
 from mrdamp.simulation.criteria import wk, wk_sections
 from mrdamp.simulation.roads import CLASSES, Road, bump, iso8608, read_road
-from mrdamp.structures.frames import QuarterCar
+from mrdamp.structures.lumped import QuarterCar
 from refusals import refuses
 
 CAR = QuarterCar()

@@ -24,7 +24,7 @@ from mrdamp.model import Model
 from mrdamp.motions import kanai_tajimi
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cables import StayCable
-from mrdamp.structures.frames import QuarterCar
+from mrdamp.structures.lumped import QuarterCar
 from mrdamp.train.worlds import world
 
 STRONG = kanai_tajimi(3, duration=12.0, pga=5.0).compressed(5.0)

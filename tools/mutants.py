@@ -219,7 +219,7 @@ MUTANTS = (
            ('Part("airborne", 4)', 'Part("airborne", 3)'),
            ("CONVENTIONAL = 0.3", "CONVENTIONAL = 0.6"),
            ("out[0] *= wk(np.maximum(f, 1e-9))", "out[1] *= wk(np.maximum(f, 1e-9))")),
-    *_some("a structure of one's own", "src/mrdamp/structures/frames.py", "own_structure",
+    *_some("a structure of one's own", "src/mrdamp/structures/lumped.py", "own_structure",
            ("-np.linalg.solve(self.mass, np.hstack", "np.linalg.solve(self.mass, np.hstack"),
            ("(-np.linalg.solve(self.mass, self.stroke)", "(np.linalg.solve(self.mass, self.stroke)"),
            ("self.stroke)[:, None])", "self.stroke)[:, None] * 0.5)")),

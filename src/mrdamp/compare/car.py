@@ -24,7 +24,7 @@ from mrdamp.model.core import Array
 from mrdamp.simulation.criteria import STATES, wk_sections
 from mrdamp.simulation.roads import Road, bump, iso8608, read_road
 from mrdamp.simulation.rows import ChainRows
-from mrdamp.structures.frames import QuarterCar
+from mrdamp.structures.lumped import QuarterCar
 
 #: Class, speed (m/s) and seed of the roads; seeds from nine million on are for judging alone, at other speeds.
 _UNSEEN = (

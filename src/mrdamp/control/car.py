@@ -31,7 +31,7 @@ from mrdamp.control.lqg import Linear, Plant, named_rows
 from mrdamp.errors import InputError, require_positive
 from mrdamp.model import Model
 from mrdamp.structures import FloatArray
-from mrdamp.structures.frames import QuarterCar
+from mrdamp.structures.lumped import QuarterCar
 
 if TYPE_CHECKING:
     from mrdamp.control.registry import AnySite

@@ -21,7 +21,7 @@ from scipy.linalg import expm, solve_continuous_are
 from mrdamp.control.base import sensor_name
 from mrdamp.errors import InputError
 from mrdamp.structures import FloatArray, ShearFrame
-from mrdamp.structures.frames import Mechanics
+from mrdamp.structures.lumped import Mechanics
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from mrdamp.model.native import (
     whole_pointer,
 )  # fmt: skip
 from mrdamp.simulation.criteria import STATES, wk_sections
-from mrdamp.structures.frames import QuarterCar
+from mrdamp.structures.lumped import QuarterCar
 
 HEADER = 3  # doubles of a row's state before its coordinates
 _CAR = 5  # of a car's between the rates and the filter: force and rise of damper and tyre, friction of the tyre

@@ -1,7 +1,7 @@
-"""Structures that carry a damper: shear frames and quarter cars (`frames`), and stay cables (`cables`)."""
+"""Structures that carry a damper: shear frames and quarter cars (`lumped`), and stay cables (`cables`)."""
 
 from __future__ import annotations
 
-from mrdamp.structures.frames import GRAVITY, FloatArray, ShearFrame, dyke1996
+from mrdamp.structures.lumped import GRAVITY, FloatArray, ShearFrame, dyke1996
 
 __all__ = ["GRAVITY", "FloatArray", "ShearFrame", "dyke1996"]

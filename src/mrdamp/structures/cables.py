@@ -25,7 +25,7 @@ from scipy.optimize import brentq
 
 from mrdamp.errors import InputError, require_one_of, require_positive
 from mrdamp.structures import GRAVITY, FloatArray
-from mrdamp.structures.frames import Mechanics
+from mrdamp.structures.lumped import Mechanics
 
 Load = Literal["uniform", "mode1"]
 TENSION = 1 / math.pi**2
