@@ -11,11 +11,12 @@ import pytest
 from bingham_rig import force, model
 from laboratory import TRUE, rig_tests
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.constants import CAUSE, LAW
+from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, LAW, NUMBER
+from mrdamp.diagnosis.evidence.established import softmax
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.penalties import gone, of_damper, unreferenced
 from mrdamp.diagnosis.evidence.structure_numbers import deviations
-from mrdamp.diagnosis.evidence.verdict import decide
+from mrdamp.diagnosis.evidence.verdict import by_causes, decide, of_fit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.sampled_delay import sampled_delays, try_sampled_delay
@@ -149,6 +150,18 @@ def chosen(*fits: Fit) -> tuple[str, ...]:
     """The causes that are decided for beside no cause at all."""
     every = [Fit(Hypothesis(()), np.zeros(0), 1.0, np.zeros(10), np.zeros((10, 0))), *fits]
     return decide(scored(every, left_out={id(f): f.cost for f in every}), 0.01).chosen.causes
+
+
+def test_forms_of_a_cause_share_its_prior(terms: dict[str, Term]) -> None:
+    """Three of the eight forms of trapped gas, each as good as the only form of a shift, are three eighths as probable."""
+    gas = [t for t in terms.values() if t.effect == "trapped_gas"]
+    assert len(gas) == 8
+    fits = [
+        made(t, 0.5 * np.exp(-NUMBER * len(t.coordinates) / EVIDENCE_GAIN)) for t in (*gas[:3], terms["channel_shift"])
+    ]
+    known = scored(fits, left_out={id(f): f.cost for f in fits})
+    sets = by_causes(known, softmax([of_fit(f) for f in known]))
+    assert sets["trapped_gas",] / sets["channel_shift",] == pytest.approx(3 / 8)
 
 
 @pytest.mark.parametrize(("least", "cause"), [(True, "mount_compliance"), (False, "backlash")])

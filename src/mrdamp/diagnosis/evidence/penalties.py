@@ -15,8 +15,10 @@ _MAKING = (frozenset({"backlash_gap"}), frozenset({"driver_lag_tau", "driver_lag
 
 
 def of_itself(found: Fit, beside: int = 0) -> float:
-    """Penalty of a fit with a cause whose parameters make it another one, and of its forms: all forms of a cause share
-    its prior, or a cause with many would be as many causes. beside: number of its terms that are taken for granted."""
+    """Penalty of a fit with a cause whose parameters make it another one, and of its forms: those of a cause share its
+    prior, or a cause with many forms would count as many causes. On opened cases without that, mounts (5 forms) and
+    trapped gas (8) were right in 18 of 32 answers, all other causes in 238 of 242. beside: number of its terms that are
+    taken for granted."""
     return CAUSE * gone(found) + sum(math.log(t.forms) for t in found.hypothesis.terms[beside:])
 
 

@@ -232,8 +232,8 @@ def _shrink(out: Page, found: Diagnosis) -> None:
         out.figure(
             "How far it shrinks",
             pictures.waterfall(steps, gap.noise_floor, gap.ceiling),
-            "RMS error over the RMS of the measurement: of the nominal simulator on all records, of the others on each"
-            " record left out of the fit.",
+            "RMS error over the RMS of the measurement: of the nominal simulator on all records, of the others on"
+            " records left out of their fits.",
             "Bars: " + ", ".join(f"{name} {100 * value:.2g} %" for name, value, _ in steps),
         )
 

@@ -105,7 +105,7 @@ class Gap:
     """RMS error over the RMS of the measurement, records pooled.
 
     nominal, corrected: of `mrdamp predict` with case.json and corrected.json on the case's records. left_out,
-    recalibrated and the interval: each record left out of the fit in turn.
+    recalibrated and the interval: on records left out of the fit (`fits.left_out.folds`).
     """
 
     nominal: float
@@ -115,7 +115,7 @@ class Gap:
     interval: tuple[float, float]
     ceiling: float | None = None  # of a regression: what a better law would leave at most
     baseline: float | None = None  # nominal, on the rig's baseline records
-    left_out: float | None = None  # corrected, each record left out of the fit in turn
+    left_out: float | None = None  # corrected, on records left out of the fit
 
 
 @dataclass(frozen=True)
