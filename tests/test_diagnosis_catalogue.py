@@ -153,14 +153,14 @@ def chosen(*fits: Fit) -> tuple[str, ...]:
 
 
 def test_forms_of_a_cause_share_its_prior(terms: dict[str, Term]) -> None:
-    """Three of the eight forms of trapped gas, each as good as the only form of a shift, are three eighths as probable."""
+    """Three of eight forms of trapped gas, each as good as the only form of a shift, are three eighths as probable."""
     gas = [t for t in terms.values() if t.effect == "trapped_gas"]
     assert len(gas) == 8
     fits = [
         made(t, 0.5 * np.exp(-NUMBER * len(t.coordinates) / EVIDENCE_GAIN)) for t in (*gas[:3], terms["channel_shift"])
     ]
     known = scored(fits, left_out={id(f): f.cost for f in fits})
-    sets = by_causes(known, softmax([of_fit(f) for f in known]))
+    sets = by_causes(known, softmax([of_fit(f) for f in known]).tolist())
     assert sets["trapped_gas",] / sets["channel_shift",] == pytest.approx(3 / 8)
 
 
