@@ -281,7 +281,7 @@ def test_engine_delay_of_the_actuator_acts() -> None:
 
 
 def test_commands_are_clamped() -> None:
-    """By ctrlrange, by the parameters' own range, and by both."""
+    """By ctrlrange, by the parameters' own range, and by both; ctrlrange has its flag."""
     both = {"command_min": 0.6, "command_max": 1.5}
     cases: tuple[tuple[Mapping[str, float], str, float, float], ...] = (
         ({}, "", -3.0, 5.0),
@@ -294,6 +294,11 @@ def test_commands_are_clamped() -> None:
     for setting, more, low, high in cases:
         found = commanded(setting, more, step_at(0.01, -3.0, 5.0), 0.02)
         assert (found[5], found[15]) == (low, high), (setting, more)
+    model, data = compiled(rig(Damper("bingham", BINGHAM, more='ctrllimited="true" ctrlrange="0 2"')))
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+    data.ctrl[0] = 5.0
+    mujoco.mj_forward(model, data)
+    assert data.sensor("current").data[0] == 5.0
 
 
 @pytest.mark.parametrize(

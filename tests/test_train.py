@@ -21,6 +21,7 @@ from mrdamp.control.policy import Policy
 from mrdamp.envs import training_loads as loads
 from mrdamp.envs.task import episodes
 from mrdamp.model import Effect
+from mrdamp.model.core import Array
 from mrdamp.structures import dyke1996
 from mrdamp.train.learn import train
 from mrdamp.train.run import whitening
@@ -182,6 +183,20 @@ def test_a_least_command_is_in_shares_of_the_damper_and_the_same_for_every_candi
     none = EvolutionRun(small(0, "least=null"), settings(small(0, "least=null")), tmp_path)
     assert none.least() is None
     assert len(none.cma.mean) == len(run.cma.mean)
+
+
+def test_noise_is_the_same_for_every_candidate_and_in_every_run(tmp_path: Path) -> None:
+    def scores(noise: float, candidates: Array | None = None) -> Array:
+        options = small(0, f"noise={noise}", "least=null")
+        run = EvolutionRun(options, settings(options), tmp_path)
+        return run._scores(run.cma.ask() if candidates is None else candidates)
+
+    exact, noisy = scores(0.0), scores(0.5)
+    assert np.abs(noisy - exact).max() > 1e-3
+    assert (scores(0.5) == noisy).all()
+    one = EvolutionRun(small(0, "least=null"), settings(small(0, "least=null")), tmp_path).cma.ask()[:1]
+    alike = scores(0.5, np.repeat(one, len(noisy), axis=0))
+    assert alike == pytest.approx(np.full(len(noisy), alike[0]), rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -358,3 +358,24 @@ def test_what_goes_wrong_costs_along_the_tangent() -> None:
         assert found[k] == pytest.approx(float(((b**p - straight) * share).sum()), rel=1e-3)
         worse += bool((x > knee).any())
     assert worse
+
+
+def test_the_critic_is_told_of_base_time_and_size() -> None:
+    chosen, task, runs = pooled(FRAME)
+    lessons = Lessons(PlantVecEnv(task), chosen, task, runs, 8.0)
+    width, names = task.observer.size, len(task.rows.names)
+    seen = lessons.reset()
+    off = slice(width + 2 * names, width + 3 * names)
+    left = width + lessons.extra - 2
+    for t in range(1, 60):
+        assert seen.shape == (2, width + lessons.extra)
+        assert np.abs(seen[:, off]).max() < 1e-2  # on the base's own way
+        seen, _, _, _ = lessons.step(np.full((2, 1), 2 * BASE - 1))
+        length = np.array([len(runs[k].criteria) for k in lessons._load])
+        assert seen[:, left] == pytest.approx(np.minimum((length - t) / 200, 1), abs=1e-6)
+    for _ in range(40):
+        seen, _, _, _ = lessons.step(np.ones((2, 1)))
+    assert np.abs(seen[:, off]).max() > 1e-2
+    sizes = {int(k): float(s) for k, s in zip(lessons._load, seen[:, -1], strict=True)}
+    order = sorted(sizes, key=lambda k: float(runs[k].criteria.max()))
+    assert [sizes[k] for k in order] == sorted(sizes.values())

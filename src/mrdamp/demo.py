@@ -19,7 +19,6 @@ from mrdamp.envs.frame_xml import Animation, Clip, animate
 from mrdamp.errors import InputError
 from mrdamp.files import csv_text, together, write_atomic
 from mrdamp.identify import Fit, RecordError, identify, laws, simulate
-from mrdamp.identify import fit as fit_module
 from mrdamp.inverse import LawInverse
 from mrdamp.library import library_path
 from mrdamp.model import Model
@@ -141,8 +140,8 @@ def _fit(out: Path, records: RecordSet, law: str, seed: int, progress: Progress)
     """The fit, or the one that an earlier run of the same job left in `out`."""
     digest = hashlib.sha256(f"{law} {seed} {EXTRAS}".encode())
     # Another version of the fit or of the chain is another job.
-    for source in (fit_module.__file__, laws.__file__, library_path()):
-        digest.update(Path(source).read_bytes())
+    for source in (*sorted(Path(laws.__file__).parent.glob("*.py")), library_path()):
+        digest.update(source.read_bytes())
     for record in records.records:
         for name, values in record.channels.items():
             digest.update(name.encode())

@@ -15,6 +15,7 @@ from mrdamp.commands import save_picture
 from mrdamp.commands.identify_json import of_network
 from mrdamp.commands.narx import counts_of, protocol_records
 from mrdamp.errors import InputError
+from mrdamp.files import together
 from mrdamp.identify import RecordError
 from mrdamp.identify.provenance import write_identified
 from mrdamp.model import Model
@@ -82,17 +83,19 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
         network = pruned.smallest
         one, free = evaluate(network, splits.train, splits.validation, splits.test)
         _print_errors(network, one, free, splits)
-    write_identified(_described(fit, network), protocol_records(a, records).train, a.out)
+    with together():
+        write_identified(_described(fit, network), protocol_records(a, records).train, a.out)
+        if a.picture or a.page:
+            drawn = _figures(choice, pruned, network, splits, a.command_unit)
+            if a.page:
+                _page(records.name, fit, found, network, _side_by_side(one, free), drawn).write(a.page)
+            # The courses, or both predictions of the test parts where there is none.
+            shown = {key: fig for key, fig in drawn.items() if key in ("choice", "pruning")} or drawn
+            for key, fig in shown.items() if a.picture else ():
+                save_picture(fig, a.picture if len(shown) == 1 else a.picture.with_stem(f"{a.picture.stem}-{key}"))
     cache.unlink(missing_ok=True)
-    if a.picture or a.page:
-        drawn = _figures(choice, pruned, network, splits, a.command_unit)
-        if a.page:
-            _page(records.name, fit, found, network, _side_by_side(one, free), drawn).write(a.page)
-            print(f"page: {a.page}")
-        # The courses, or both predictions of the test parts where there is none.
-        shown = {key: fig for key, fig in drawn.items() if key in ("choice", "pruning")} or drawn
-        for key, fig in shown.items() if a.picture else ():
-            save_picture(fig, a.picture if len(shown) == 1 else a.picture.with_stem(f"{a.picture.stem}-{key}"))
+    if a.page:
+        print(f"page: {a.page}")
     print(f"model: {a.out}")
     return of_network(fit, found, choice, pruned)
 
