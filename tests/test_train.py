@@ -75,6 +75,20 @@ def test_a_policy_is_judged_on_every_model(tmp_path: Path) -> None:
     refuses(lambda: Judge(worlds, given[:1]), "2 models for 1 loads")
 
 
+def test_further_models_are_seen_as_the_exported_policy_sees(tmp_path: Path) -> None:
+    """A policy has one scale of the force, of the first damper, whatever the largest force of the others."""
+    frame, own, stronger = frame_model(), tmp_path / "own.json", tmp_path / "stronger.json"
+    frame.write(own)
+    grown = {name: 1.5 * v if name.startswith(("alpha", "c0")) else v for name, v in frame.parameters.items()}
+    replace(frame, parameters=grown).write(stronger)
+    assert world(FRAME, {}, own).task(1).observer.scales != world(FRAME, {}, stronger).task(1).observer.scales
+    options = replace(small(0, "estimator=null"), model=own, others=(stronger,))
+    run = EvolutionRun(options, settings(options), tmp_path)
+    first, second = (w.task(1) for w in run.worlds)
+    assert second.structure.models != first.structure.models
+    assert second.observer.scales == first.observer.scales
+
+
 # --- normalisation and actions ----------------------------------------------------------
 def test_whitening_makes_the_second_moment_one_and_leaves_rest_at_zero() -> None:
     rng = np.random.default_rng(0)

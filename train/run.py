@@ -126,7 +126,7 @@ class Run(ABC):
     def _like(self, model: Path) -> World:
         """The world with another model, seen by the same observer."""
         other = world(self.options.environment, self.chosen.env_kwargs, model, self.chosen.score)
-        return other.observing(self.world.task(1).observer) if self.chosen.estimator or self.chosen.ground else other
+        return other.observing(self.world.task(1).observer)
 
     def sharing(self, rng: np.random.Generator, loads: int) -> list[World]:
         """The worlds that take so many loads in turn."""

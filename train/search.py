@@ -220,7 +220,6 @@ class EvolutionRun(StepRun):
         """The world's measures (population, loads) of all candidates under the loads."""
         many, policy = len(loads), self.policy()
         task = world.searching(self.population * many)
-        policy.observer = task.observer  # of another model the scales are others
 
         def act(observation: NDArray[np.float32]) -> Array:
             inputs = observation.astype(np.float64)
