@@ -231,7 +231,7 @@ def holed(text: str) -> str:
         (COLUMNS, stamped, r"t \[ms\]"),  # a unit of dates
         (COLUMNS, lambda text: text.replace("note", "Load"), "two columns are named"),
         ((*COLUMNS, "force_N=Load"), str, "a channel is named twice"),
-        (COLUMNS, holed, r"sample 300: 0\.042 s are missing at 0\.596 s"),
+        (COLUMNS, holed, r"sample 300: 0\.04 s are missing at 0\.596 s"),
         (COLUMNS, lambda text: text.replace("\n7,14.0", "\n7,4.0"), r"sample 8: the time does not increase"),
         (COLUMNS, lambda text: text.replace("750,ok\n9,", "x,ok\n9,"), r"line 10: I coil is not a number: 'x'"),
         (("LVDT",), str, "allowed: CHANNEL=NAME:UNIT"),
@@ -239,6 +239,7 @@ def holed(text: str) -> str:
         (("displacement_m=LVDT:kN",), str, "unit 'kN' is unknown; allowed: m, cm, mm, um, in"),
         (("displacement_m=:mm",), str, "no name"),
         (("force_N=F [kN]",), str, r"its name says kN; write 'force_N=F \[kN\]:kN'"),
+        (("force_N=F [N]:kN",), str, "its name says N; allowed: that unit"),
     ],
 )  # fmt: skip
 def test_faults_are_told(columns: tuple[str, ...], change: Callable[[str], str], told: str, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from modules import DATA, needs
 from mrdamp import cli
 from mrdamp.cli import main as mrdamp
 from mrdamp.commands import diagnosis as command
-from mrdamp.diagnosis.case.audit import of_frame, processing
+from mrdamp.diagnosis.case.audit import of_frame, processing, repeated_share
 from mrdamp.diagnosis.case.coverage import beyond, within
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.fits import table
@@ -267,3 +267,8 @@ def test_no_processing_is_told_of_raw_channels() -> None:
     assert len(records) > 60
     told = [processing(v) for r in records for k, v in r.channels.items() if k not in ("time_s", "command")]
     assert not any(told)
+
+
+def test_rest_before_and_after_a_motion_is_no_repeated_sample() -> None:
+    rest, motion = np.zeros(50), np.array([1.0, 1.0, 2.0, 3.0, 3.0, 4.0])
+    assert repeated_share(np.concatenate([rest, motion, rest])) == pytest.approx(2 / 7)  # of 7 steps from rest to rest

@@ -230,6 +230,8 @@ def test_flat_folder_holds_out_every_third_record(tmp_path: Path) -> None:
     assert len(found) == 7
     assert found["5"].n == 55
     refuses(lambda: found["9"], "no record '9'")
+    (tmp_path / "8.csv").symlink_to(tmp_path / "gone.csv")
+    refuses(lambda: read_records(tmp_path), r"8\.csv: a link to nothing")
     two = read_records([write(tmp_path, table(50 + k), f"{name}.csv") for k, name in enumerate("ba")])
     assert (names(two.train), names(two.validation)) == (["a"], ["b"])
 

@@ -175,6 +175,8 @@ def test_a_damaged_training_is_named(
     [
         # Of 32 periods: the actor waits in the rollouts that begin at 0 and 32, and learns from that at 64 on.
         ("ppo", ("freeze=33",), 64),
+        # A rate that falls to zero is zero after the only rollout.
+        ("ppo", ("freeze=0", "learning_rate=linear_0.001"), 32),
         # Collections of 16 periods: that which ends at 48 is the first behind 40.
         ("sac", (), 32),
     ],

@@ -205,6 +205,8 @@ class GradientRun(Run):
         else:
             every, name, idle = model.n_envs * model.n_steps, "freeze", self.chosen.freeze
             begun = -(-idle // every)  # the first collection whose start is not before it
+            # A rate that falls to zero is zero after the last collection.
+            begun += isinstance(model.learning_rate, LinearSchedule)
         if self.chosen.n_timesteps <= begun * every:
             raise InputError(
                 f"{self.options.algorithm}: {self.chosen.n_timesteps} control periods; allowed: more than "

@@ -55,11 +55,14 @@ def files_in(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
         if not path.exists():
             raise InputError(f"{path}: no such folder or file")
         return [path]
-    found = [
+    named = [
         f
         for f in sorted(path.iterdir(), key=lambda f: f.name)
-        if f.name.lower().endswith(suffixes) and not f.name.startswith(".") and f.is_file()
+        if f.name.lower().endswith(suffixes) and not f.name.startswith(".")
     ]
+    for lost in (f for f in named if not f.exists()):
+        raise InputError(f"{lost}: a link to nothing; give it its file or remove it")
+    found = [f for f in named if f.is_file()]
     if not found:
         raise InputError(f"{path}: no {' or '.join(suffixes)} in this folder")
     return found

@@ -184,6 +184,8 @@ def _print_fit(fit: FitNarx, splits: DataSplit, protocol: str) -> Sufficiency:
     new = (*fit.free_run.validation, *fit.free_run.test)
     found = sufficiency(net, p, splits.train, others, fit.free_run.train, new)
     print(f"the training records {'suffice' if found.suffice else 'do not suffice'}: {found.why}")
+    for lost in (e for e in (*fit.free_run.train, *new) if not e.nrmse < 1):
+        print(f"check: {lost.record}: a free run {lost.nrmse:.3g} standard deviations off is no prediction")
     return found
 
 

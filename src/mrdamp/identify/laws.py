@@ -105,7 +105,7 @@ def dependence_for(requested: Dependence | None, scales: Scales, where: str = "t
     if not isinstance(requested, str):
         return requested
     if requested not in DEPENDENCES:
-        raise InputError(f"dependence '{requested}' is unknown; allowed: {', '.join(DEPENDENCES)}")
+        raise InputError(f"dependence '{requested}' is unknown; allowed: {', '.join(DEPENDENCES)}, compare")
     need = DEPENDENCES[requested]
     if scales.levels < need:
         what = (

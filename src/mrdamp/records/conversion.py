@@ -66,9 +66,11 @@ def column(text: str) -> Column:
     name, colon, unit = source.rpartition(":")
     if not colon:
         name, unit = source, next(iter(units))
-        told = re.search(r"[\[(]\s*(\S+?)\s*[\])]\s*$", source)
-        if told and units.get(told[1], 1.0) != 1.0 and channel != "time_s":  # dates have none
-            raise InputError(f"column {show(text)}: its name says {told[1]}; write {show(f'{text}:{told[1]}')}")
+    told = re.search(r"[\[(]\s*(\S+?)\s*[\])]\s*$", name)
+    if told and not colon and units.get(told[1], 1.0) != 1.0 and channel != "time_s":  # dates have none
+        raise InputError(f"column {show(text)}: its name says {told[1]}; write {show(f'{text}:{told[1]}')}")
+    if told and colon and units.get(told[1], units.get(unit)) != units.get(unit):
+        raise InputError(f"column {show(text)}: its name says {told[1]}; allowed: that unit, or another name")
     if unit not in units:
         raise InputError(f"column {show(text)}: unit {show(unit)} is unknown; allowed: {', '.join(units)}")
     sign = -1.0 if name.startswith("-") else 1.0
@@ -156,8 +158,8 @@ def _check(path: Path, time: Array, steps: Array) -> None:
     usual, worst = float(np.median(steps)), int(np.argmax(steps))
     if steps[worst] > _HOLE * usual:
         raise InputError(
-            f"{path}: sample {worst + 2}: {steps[worst]:.4g} s are missing at {time[worst]:.6g} s, usual steps are "
-            f"{usual:.4g} s; cut the file there"
+            f"{path}: sample {worst + 2}: {steps[worst] - usual:.4g} s are missing at {time[worst]:.6g} s, usual steps"
+            f" are {usual:.4g} s; cut the file there"
         )
 
 

@@ -36,7 +36,7 @@ def audit(case: Case) -> Iterator[str]:
         for name, values in record.channels.items():
             if name in ("time_s", "command") or not float(np.ptp(values)) > 0:
                 continue
-            cut, repeats = clipped(values), float(np.mean(np.diff(values) == 0))
+            cut, repeats = clipped(values), repeated_share(values)
             if cut is not None:
                 yield f"{record.name}: {name} is clipped at {cut[0]:g} for {100 * cut[1]:.1f} % of the samples"
             elif repeats > _HELD:
@@ -59,6 +59,12 @@ def audit(case: Case) -> Iterator[str]:
     for repeat, original in case.repeats:
         if original is None:
             yield f"{repeat.name}: no record has the same input; it is left aside"
+
+
+def repeated_share(values: Array) -> float:
+    """Share of the samples that repeat the one before, without the rest at both ends of a record."""
+    moving = np.flatnonzero(np.diff(values))
+    return float(np.mean(np.diff(values[moving[0] : moving[-1] + 2]) == 0))
 
 
 def of_frame(records: Sequence[Record]) -> Iterator[str]:

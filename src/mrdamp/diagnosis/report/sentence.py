@@ -269,7 +269,7 @@ def table(d: Diagnosis) -> str:
         apart = max(abs(row["mujoco_gap"] - row["offline_gap"]) for row in d.stepped)
         where = ", ".join(str(row["record"]) for row in d.stepped)
         lines.append(
-            f"  MJCF stepped in MuJoCo on {where}: the offline gap to {100 * apart:.2f} % of the RMS"
+            f"  MJCF stepped in MuJoCo on {where}: within {100 * apart:.2f} % of the RMS of the offline gap"
         )
     lines.append(f"  next test: {d.next_experiment.get('signal', '')} ({d.next_experiment.get('why', '')})")
     lines += [f"  note: {n}" for n in d.notes]
