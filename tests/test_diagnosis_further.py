@@ -47,6 +47,19 @@ def test_a_second_cause_is_found_beside_the_first() -> None:
     assert sum(both.probabilities) == pytest.approx(sum(decision.probabilities))
 
 
+@pytest.mark.parametrize("of", ["first", "second"])
+def test_only_its_own_forms_count_against_a_further_cause(of: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cause with so many forms that each has no prior is not added; beside such a cause, once named, another is."""
+    search, fits, decision = found(offset=0.5, sign=0.3)
+    first = decision.chosen.causes[0]
+    many = [replace(t, forms=10**200) if (t.cause == first) is (of == "first") else t for t in search.problem.rig.terms]
+    monkeypatch.setattr(ToyRig, "terms", property(lambda _: tuple(many)))
+    parent = fits[decision.chosen.index]
+    own = tuple(t for t in many if t.cause == first)
+    fits[decision.chosen.index] = replace(parent, hypothesis=replace(parent.hypothesis, terms=own))
+    assert len(with_further(search, fits, decision)[1].chosen.causes) == (2 if of == "first" else 1)
+
+
 @pytest.mark.parametrize(("pair", "named"), [(0.4, {"offset"}), (0.6, {"offset", "sign"})])
 def test_of_two_causes_that_are_named_each_is_more_probable_than_not(pair: float, named: set[str]) -> None:
     """pair: stated probability of both, the rest being the offset's alone."""

@@ -11,7 +11,7 @@ from mrdamp.identify import Fit, compare_dependences, identify, simulate
 from mrdamp.identify.by_command import constant_groups, identify_by_command
 from mrdamp.identify.excerpts import skipped
 from mrdamp.identify.findings import findings
-from mrdamp.identify.intervals import channel_findings, intervals
+from mrdamp.identify.intervals import channel_findings, few_groups, intervals
 from mrdamp.identify.laws import DEPENDENCES, Scales, parametric, space
 from mrdamp.model import Effect, Model, core
 from mrdamp.model.core import Array
@@ -129,6 +129,12 @@ def test_intervals_cover_the_truth(law: str) -> None:
     print(f"{law}: {100 * share:.0f} %", covered)
     assert min(covered.values()) >= LEAST, covered
     assert share > 0.9
+
+
+@pytest.mark.parametrize(("count", "student"), [(2, 12.706), (4, 3.182), (9, 2.306), (31, 2.042)])
+def test_few_groups_are_widened_by_students_t(count: int, student: float) -> None:
+    """Two-sided 95 % points of printed tables, of count - 1 degrees of freedom, over the normal one."""
+    assert few_groups(count) == pytest.approx(student / 1.960 * (count / (count - 1)) ** 0.5, rel=1e-3)
 
 
 @pytest.fixture(scope="module")
