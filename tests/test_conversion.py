@@ -240,6 +240,11 @@ def holed(text: str) -> str:
         (("displacement_m=:mm",), str, "no name"),
         (("force_N=F [kN]",), str, r"its name says kN; write 'force_N=F \[kN\]:kN'"),
         (("force_N=F [N]:kN",), str, "its name says N; allowed: that unit"),
+        ((*COLUMNS[:3], "force_N=-Load:N"), with_units, "the row of units says kN for 'Load', the option N"),
+        (
+            (*COLUMNS[:3], "force_N=-Load:N"), lambda text: with_units(text).replace("\n-,", "\nm/s^2,"),
+            "says kN for 'Load'",
+        ),
     ],
 )  # fmt: skip
 def test_faults_are_told(columns: tuple[str, ...], change: Callable[[str], str], told: str, tmp_path: Path) -> None:

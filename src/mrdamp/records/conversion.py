@@ -62,7 +62,7 @@ def column(text: str) -> Column:
             f"column {show(text)}: allowed: CHANNEL=NAME:UNIT, such as displacement_m=LVDT:mm; channels are"
             f" {', '.join(CHANNELS)}"
         )
-    units = next(known for quantity, known in UNITS.items() if quantity in channel)
+    units = _units(channel)
     name, colon, unit = source.rpartition(":")
     if not colon:
         name, unit = source, next(iter(units))
@@ -78,6 +78,10 @@ def column(text: str) -> Column:
     if not name:
         raise InputError(f"column {show(text)}: no name of a column")
     return Column(channel, name, sign * units[unit])
+
+
+def _units(channel: str) -> Mapping[str, float]:
+    return next(known for quantity, known in UNITS.items() if quantity in channel)
 
 
 def convert(path: Path | str, columns: Sequence[Column], rate: float | None = None) -> Converted:
@@ -110,7 +114,16 @@ def convert(path: Path | str, columns: Sequence[Column], rate: float | None = No
     constants, read = _constants(columns)
     # Dates have no unit: with one they are no numbers.
     time_column = next((c.source for c in read if c.channel == "time_s" and c.factor == 1.0), "")
-    table = columns_of(path, [c.source for c in read], time_column)
+
+    def check_unit(name: str, unit: str) -> None:
+        for c in read:
+            if c.source == name and _units(c.channel).get(unit, abs(c.factor)) != abs(c.factor):
+                known = next(u for u, size in _units(c.channel).items() if size == abs(c.factor))
+                raise InputError(
+                    f"{path}: the row of units says {unit} for {show(name)}, the option {known}; allowed: one unit"
+                )
+
+    table = columns_of(path, [c.source for c in read], time_column, check_unit)
     n = len(next(iter(table.values())))
     values = {c.channel: c.factor * table[c.source] for c in read} | {k: np.full(n, v) for k, v in constants.items()}
     stem = re.sub(r"(\.(csv|txt|tsv|dat|asc|xlsx|mat|npz|parquet))?(\.gz)?$", "", path.name, flags=re.IGNORECASE)

@@ -27,31 +27,45 @@ _SEPARATORS = ",;\t "
 _HEAD = 200
 
 
-def columns_of(path: Path, wanted: Sequence[str], time: str = "") -> dict[str, Array]:
+#: Takes a column's name and what the row below the header says of its unit; raises InputError.
+CheckUnit = Callable[[str, str], None]
+
+
+def columns_of(
+    path: Path, wanted: Sequence[str], time: str = "", check_unit: CheckUnit | None = None
+) -> dict[str, Array]:
     """The wanted columns of a table, (n,) each.
 
     Text may have lines above its header, a mark of comments before it, a line of units below it, further columns,
     quoted cells, `;`, tabs or spaces between cells with decimal commas, and header blocks that come again. Without a
     header the columns are 1, 2 and so on. Columns of a MATLAB structure are `structure.field`, those of a matrix
-    `matrix(1)`. time: the column that may hold dates with times, ISO 8601, read as seconds from the first.
+    `matrix(1)`. time: the column that may hold dates with times, ISO 8601, read as seconds from the first. check_unit:
+    called for each wanted column of a row of units.
 
     Raises InputError: one line: no such column, a cell that is no number, a damaged file, a library that is missing.
     """
     suffix = path.suffix.lower()
     if suffix == ".xlsx":
-        return _of_lines(path, list(_sheet(path)), wanted, time)
+        return _of_lines(path, list(_sheet(path)), wanted, time, check_unit)
     if suffix in _ARRAYS:
         return _picked(path, dict(_flat(_foreign(path, partial(_ARRAYS[suffix], path)))), wanted, time)
-    return _of_lines(path, decode(str(path), read_bytes(path)).rstrip().split("\n"), wanted, time)
+    lines = decode(str(path), read_bytes(path)).rstrip().split("\n")
+    return _of_lines(path, lines, wanted, time, check_unit)
 
 
-def _of_lines(path: Path, lines: list[str], wanted: Sequence[str], time: str) -> dict[str, Array]:
+def _of_lines(
+    path: Path, lines: list[str], wanted: Sequence[str], time: str, check_unit: CheckUnit | None
+) -> dict[str, Array]:
     for separator in _SEPARATORS:
         for k, line in enumerate(lines[:_HEAD]):
             header = _cells(re.sub(r"^\s*[#%]+", "", line), separator)
             if set(wanted) <= set(header):
                 if twice := [name for name in wanted if header.count(name) > 1]:
                     raise InputError(f"{path}: two columns are named {show(twice[0])}; rename one")
+                if check_unit and _is_units(lines, k + 1):
+                    for name, unit in zip(header, _cells(lines[k + 1], separator), strict=False):
+                        if name in wanted:
+                            check_unit(name, unit.strip("[]() "))
                 return _values(path, lines, k, header, separator, wanted, time)
     numbered = all(re.fullmatch("[1-9][0-9]{0,3}", name) for name in wanted)
     for separator in _SEPARATORS if numbered else ():
@@ -71,6 +85,10 @@ def _of_lines(path: Path, lines: list[str], wanted: Sequence[str], time: str) ->
             " such as time_s=1:ms"
         )
     raise InputError(f"{path}: no column {missing}; the file has {listed(heads)}")
+
+
+def _is_units(lines: Sequence[str], k: int) -> bool:
+    return k < len(lines) and not re.search(r"\d", re.sub(r"/s\^?2", "", lines[k]))
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -126,7 +144,7 @@ def _blocks(lines: list[str], at: int, header: list[str], separator: str) -> Ite
     heads = [at, *(k for k in range(at + 1, len(lines)) if at >= 0 and lines[k] == lines[at]), len(lines)]
     for head, end in pairwise(heads):
         begin = head + 1
-        if begin < end and head >= 0 and not re.search(r"\d", lines[begin]):  # units
+        if begin < end and head >= 0 and _is_units(lines, begin):
             begin += 1
         while end < len(lines) and end > begin and len(_cells(lines[end - 1], separator)) != len(header):
             end -= 1  # what stands above the next header
