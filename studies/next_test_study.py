@@ -34,7 +34,7 @@ from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.designs import columns, drawn
 from mrdamp.diagnosis.problem.make import make_rig
-from mrdamp.diagnosis.problem.noise import channel_noise, floors, repeatable, trust
+from mrdamp.diagnosis.problem.noise import channel_noise, floors, trust
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.run import diagnose
@@ -130,7 +130,7 @@ def left_open(found: Diagnosis) -> frozenset[str]:
 def outcome(case: Case, open_causes: frozenset[str], cause: str) -> Outcome:
     """The records of a case, explained by what was left open."""
     rig = Narrowed(case.model, case.records, causes=open_causes)
-    noise, _ = repeatable(channel_noise(case, rig), case, rig)
+    noise, _ = channel_noise(case, rig)
     plain = Problem(rig, stride=_STRIDE, coarse=True)
     floor = floors(plain, noise, {})
     problem = Problem(rig, stride=_STRIDE, coarse=True, trust=trust(plain, floor))

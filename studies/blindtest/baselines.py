@@ -117,7 +117,7 @@ def _search(case: Case) -> Search:
     rig = make_rig(case)
     total = sum(r.n for r in case.records) * len(rig.channels)
     problem = Problem(rig, stride=max(1, round(total / _SAMPLES)), coarse=True)
-    floor = floors(problem, channel_noise(case, rig), {})
+    floor = floors(problem, channel_noise(case, rig)[0], {})
     return Search(problem, float(np.sum(floor**2)) / len(rig.channels), Limits())
 
 

@@ -31,7 +31,6 @@ from mrdamp.diagnosis.problem.noise import (
     channel_noise,
     floors,
     own_cost,
-    repeatable,
     trust,
 )
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
@@ -50,7 +49,7 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     rig = DamperRig(case.model, case.records, threads=jobs).with_motion()
     notes = list(audit(case))
     notes += [f"{name}: {how}: the baseline says nothing of a change there" for name, how in left.items()]
-    noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
+    noise, unsteady = channel_noise(case, rig)
     notes += unsteady
     again = law_of_baseline(case, rig, noise, progress, asked)
     if again is not None:

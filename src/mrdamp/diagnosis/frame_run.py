@@ -33,7 +33,7 @@ from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
-from mrdamp.diagnosis.problem.noise import Noise, baseline_gap, channel_noise, floors, own_cost, repeatable
+from mrdamp.diagnosis.problem.noise import Noise, baseline_gap, channel_noise, floors, own_cost
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.diagnosis.report.result import Where
 from mrdamp.diagnosis.searched import Progress, Searched
@@ -87,7 +87,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
         found = blocks(case)
         notes.append(again.note())
     small, rig = reduced(case, found, jobs)
-    noise, note = repeatable(channel_noise(small, rig), case, rig, rig.block)
+    noise, note = channel_noise(case, rig, rig.block, small)
     notes += note
     rig = stepped(rig, noise)
     untouched = Problem(replace(rig, raw=case.baseline), coarse=True) if case.baseline else None

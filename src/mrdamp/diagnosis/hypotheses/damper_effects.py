@@ -35,8 +35,9 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
     """All effects from driver to sensor, in the order of the chain, in the forms that the sampling of the
     records can show: a form whose resonances are above the sampling limit has no starts."""
     inertia, dt = s.force / s.acceleration, s.sample_time
-    parts = _mechanics(s), _mass_terms(inertia, dt), _mount(s), _sensor(s.force, dt)
-    terms = chain(current_terms(s), fluid_terms(s), *parts)
+    parts = _mechanics(s), _mass_terms(inertia, dt), _mount(s), sensor_terms(s.force, dt)
+    shift = term("channel_shift", (linear("d", dt, -25 * dt, 25 * dt),), (2 * dt,), (-2 * dt,))
+    terms = chain(current_terms(s), fluid_terms(s), *parts, (shift,))
     return catalogue(t for t in terms if t.starts)
 
 
@@ -105,27 +106,24 @@ def _mount(s: Sizes) -> Iterator[Term]:
     yield term("backlash", backlash, *((share * x, 300 * k) for share in (0.005, 0.02, 0.06)))
 
 
-def _sensor(f: float, dt: float) -> Iterator[Term]:
-    """f: RMS force (N); dt: sample time (s)."""
-    yield term("sensor_gain", (linear("g", 0.05, 0.2, 5.0, 1.0),), (1.1,))
-    offset = linear("f", 0.02 * f, -2 * f, 2 * f)
-    settling = offset, linear("settle", 0.02 * f, -4 * f, 4 * f), positive("time", 1.0, 0.02, 100.0)
-    yield term("sensor_offset", (offset,), (0.05 * f,))
-    yield term("sensor_offset:settling", settling, (0.05 * f, 0.05 * f, 1.0))
-    yield term("sensor_leakage", (positive("tau", 2.0, 0.02, 200.0),), (2.0,), (0.3,))
-    leaks = positive("tau", 1.0, 0.02, 200.0), *SECOND_LEAK
-    yield term("sensor_leakage:two shares", leaks, *TWO_LEAKS)
+def sensor_terms(size: float, dt: float, place: int | None = None) -> Iterator[Term]:
+    """Effects of a force sensor or of a floor's accelerometer. size: RMS of what it measures; dt: sample time (s)."""
+    at = partial(term, place=place)
+    yield at("sensor_gain", (linear("g", 0.05, 0.2, 5.0, 1.0),), (1.1,))
+    f = 0.05 * size
+    offset = linear("f", 0.4 * f, -5 * size, 5 * size)
+    settling = offset, linear("settle", 0.4 * f, -10 * size, 10 * size), positive("time", 1.0, 0.02, 100.0)
+    yield at("sensor_offset", (offset,), (f,))
+    yield at("sensor_offset:settling", settling, (f, f, 1.0))
+    leakage = positive("tau", 1.0, 0.01, 200.0)
+    other = linear("share", 0.1, 0.0, 0.9), positive("tau2", 10.0, 0.05, 1000.0)
+    yield at("sensor_leakage", (leakage,), (2.0,), (0.4,), (0.1,))
+    yield at("sensor_leakage:two shares", (leakage, *other), (1.0, 0.2, 10.0), (0.2, 0.2, 2.0))
     lag = positive("tau", 2 * dt, 0.1 * dt, 50 * dt)
-    yield term("sensor_lag", (lag, positive("tau2", 0.3 * dt, 0.05 * dt, 25 * dt)), (2 * dt, 0.2 * dt), (5 * dt, dt))
+    yield at("sensor_lag", (lag, positive("tau2", 0.3 * dt, 0.05 * dt, 25 * dt)), (2 * dt, 0.2 * dt), (5 * dt, dt))
     second = lag, positive("ratio", 0.8, 0.3, 0.98, 0.2), positive("tau2", 0.3 * dt, 0.02 * dt, 25 * dt)
     starts = (dt, 0.8, 0.1 * dt), (3 * dt, 0.75, 0.5 * dt), (6 * dt, 0.65, 3 * dt)
-    yield term("sensor_lag:second order", second, *starts)
-    yield term("channel_shift", (linear("d", dt, -25 * dt, 25 * dt),), (2 * dt,), (-2 * dt,))
-
-
-#: The other share of a charge that leaks in two, and where a search of both begins.
-SECOND_LEAK = linear("share", 0.1, 0.0, 0.9), positive("tau2", 10.0, 0.05, 1000.0)
-TWO_LEAKS = (1.0, 0.2, 10.0), (0.2, 0.2, 2.0)
+    yield at("sensor_lag:second order", second, *starts)
 
 
 def _is_clearance(force: float, settings: Settings) -> bool:

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from mrdamp.diagnosis.hypotheses.damper_effects import SECOND_LEAK, TWO_LEAKS, rms
+from mrdamp.diagnosis.hypotheses.damper_effects import rms, sensor_terms
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Sizes, Term, catalogue, linear, positive, term
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect
 from mrdamp.records import Record
@@ -33,7 +33,7 @@ def frame_terms(s: ShearFrame, records: Sequence[Record], sizes: Sizes) -> tuple
         shear, acceleration = _sizes(s, records, j)
         dashpot = float(s.damping[j - 1]) / (sizes.velocity or 1.0)
         out += _storey(j, float(s.mass[j - 1]), shear, dashpot)
-        out += _accelerometer(j, acceleration, sizes.sample_time)
+        out += sensor_terms(acceleration, sizes.sample_time, j)
     # A relative change of zero damping has no effect.
     return catalogue(t for t in out if t.effect != "storey_damping" or s.damping[(t.place or 1) - 1] > 0)
 
@@ -53,25 +53,6 @@ def _storey(j: int, mass: float, shear: float, dashpot: float) -> Iterator[Term]
     yield at("joint_friction", slipping, (little, 2e-3), (more, 2e-3))
     yield at("joint_friction:building up", bristle, (little, 3e-5), (more, 1e-4))
     yield at("floor_mass", (linear("dm", 0.03 * mass, -0.8 * mass, 3 * mass),), (0.03 * mass,), (0.2 * mass,))
-
-
-def _accelerometer(j: int, a: float, dt: float) -> Iterator[Term]:
-    """a (m/s2): RMS acceleration of floor j; sample time dt (s)."""
-    at = partial(term, place=j)
-    yield at("sensor_gain", (positive("g", 1.0, 0.2, 5.0, 0.05),), (1.05,), (0.95,))
-    f = 0.02 * a
-    offset = linear("f", 0.02 * a, -5 * a, 5 * a)
-    settling = offset, linear("settle", 0.02 * a, -10 * a, 10 * a), positive("time", 1.0, 0.02, 100.0)
-    yield at("sensor_offset", (offset,), (f,), (-f,))
-    yield at("sensor_offset:settling", settling, (f, f, 1.0))
-    leakage = positive("tau", 1.0, 0.01, 200.0)
-    yield at("sensor_leakage", (leakage,), (1.0,), (0.1,))
-    yield at("sensor_leakage:two shares", (leakage, *SECOND_LEAK), *TWO_LEAKS)
-    tau = positive("tau", 2 * dt, 0.1 * dt, 50 * dt)
-    lag = tau, positive("tau2", 0.3 * dt, 0.05 * dt, 25 * dt)
-    yield at("sensor_lag", lag, (2 * dt, 0.2 * dt), (5 * dt, dt))
-    second = tau, positive("ratio", 0.8, 0.3, 0.98, 0.2)
-    yield at("sensor_lag:second order", second, (dt, 0.8), (4 * dt, 0.8))
 
 
 def _sizes(s: ShearFrame, records: Sequence[Record], j: int) -> tuple[float, float]:

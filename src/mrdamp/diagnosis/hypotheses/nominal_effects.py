@@ -1,8 +1,7 @@
 """Effects in the nominal simulator: their parameters are free like those of the law and part of every
 hypothesis.
 
-A catalogue term of the same effect then contains the coordinates that the nominal effect does not have, and beside them
-those that are added to its own, such as a preload: a stiffer gas spring has another one.
+A catalogue term of the same effect begins at the nominal values: what has changed since may be that effect itself.
 """
 
 from __future__ import annotations
@@ -16,6 +15,8 @@ from mrdamp.model import Effect
 #: Range of a positive parameter of a nominal effect (factor to either side) and the prior's standard
 #: deviation in units of search, as for the nominal parameters (`damper_effects.nominal_coordinates`).
 _RANGE, _SCALE, _PRIOR = 8.0, 0.1, 3.0
+#: Start of a changed nominal effect on either side of its value, in units of search.
+_AWAY = 1.0
 
 
 def setting_name(effect: str, key: str, place: int | None) -> str:
@@ -54,30 +55,37 @@ def _about(c: Coordinate, value: float) -> Coordinate:
     return replace(c, start=value, low=low, high=high, log=False, prior=_PRIOR)
 
 
-def without_nominal(terms: Sequence[Term], effects: Sequence[Effect]) -> tuple[Term, ...]:
-    """The catalogue without what nominal effects already contain. A term of such an effect (and place) keeps
-    the coordinates that are not among the nominal ones, and the linear ones of these; it is omitted if none is new or
-    its form differs."""
+def about_nominal(terms: Sequence[Term], effects: Sequence[Effect]) -> tuple[Term, ...]:
+    """The catalogue beside nominal effects. A term of such an effect (and place) starts from its nominal values, and is
+    omitted if its form differs."""
     own = own_settings(effects)
     taken = {(e.name, e.place) for e in effects}
     out = []
     for term in terms:
         if (term.effect, term.place) not in taken:
             out.append(term)
-            continue
-        new = [k for k, c in enumerate(term.coordinates) if c.name not in own]
-        if not new or not _agrees(term.fixed, own):
-            continue
-        moved = [k for k, c in enumerate(term.coordinates) if c.name in own and not c.log]
-        at = [own[term.coordinates[k].name] for k in moved]
-        starts = tuple((*(start[k] for k in new), *at) for start in term.starts)
-        coordinates = tuple(term.coordinates[k] for k in new)
-        coordinates += tuple(replace(term.coordinates[k], start=v) for k, v in zip(moved, at, strict=True))
-        neutral = tuple(c.start for c in coordinates)
-        starts = tuple(dict.fromkeys(s for s in starts if s != neutral or coordinates[0].log))
-        if starts:
-            out.append(replace(term, coordinates=coordinates, starts=starts))
-    return tuple(out)
+        elif _agrees(term.fixed, own):
+            out.append(_from(term, own))
+    return tuple(t for t in out if t.starts)
+
+
+def _from(term: Term, own: Mapping[str, float]) -> Term:
+    """The term about nominal values: with those and its own starts of what is new; if nothing is, from either side."""
+    own = {c.name: own[c.name] for c in term.coordinates if c.name in own and not (c.log and own[c.name] <= 0)}
+    coordinates = tuple(_around(c, own[c.name]) if c.name in own else c for c in term.coordinates)
+    new = [k for k, c in enumerate(coordinates) if c.name not in own]
+    if new:
+        # Linear ones at zero would be the nominal effect again.
+        kept = [s for s in term.starts if any(coordinates[k].log or s[k] != coordinates[k].start for k in new)]
+        starts = [tuple(own.get(c.name, v) for c, v in zip(coordinates, s, strict=True)) for s in kept]
+    else:
+        first, *others = coordinates
+        starts = [(first.value(q), *(c.start for c in others)) for q in (_AWAY, -_AWAY)]
+    return replace(term, coordinates=coordinates, starts=tuple(dict.fromkeys(starts)))
+
+
+def _around(c: Coordinate, value: float) -> Coordinate:
+    return replace(c, start=value, low=min(c.low, value), high=max(c.high, value))
 
 
 def _agrees(fixed: Mapping[str, float], own: Mapping[str, float]) -> bool:

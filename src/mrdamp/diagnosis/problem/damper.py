@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, rms
-from mrdamp.diagnosis.hypotheses.nominal_effects import without_nominal
+from mrdamp.diagnosis.hypotheses.nominal_effects import about_nominal
 from mrdamp.diagnosis.hypotheses.outside import (
     command_rivals,
     commanded,
@@ -173,7 +173,7 @@ class DamperRig(Simulator):
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
-        terms = without_nominal(self._catalogue, self.nominal_model.effects)
+        terms = about_nominal(self._catalogue, self.nominal_model.effects)
         return tuple(near(t, self.known[t.name]) if t.name in self.known else t for t in terms)
 
     @cached_property
@@ -318,8 +318,15 @@ class DamperRig(Simulator):
         inputs = upsampled(signal.motion, signal.command, self.sizes.sample_time, factor, hold=self.hold)
         return self._runs([_Asked(settings, inputs)])[0]
 
-    def noise_share(self, record: int) -> float:
-        return 1.0  # records are compared without averaging
+    def noise_share(self, record: int) -> Array:
+        return np.asarray(self._noise_shares[record])
+
+    @cached_property
+    def _noise_shares(self) -> Array:
+        """(records, channels): a gauge's noise may grow with the force."""
+        levels = np.array([[noise_level(r.channel(name)) for name in self.channels] for r in self.records])
+        usual = np.median(levels, axis=0)
+        return np.asarray(np.where(usual > 0, levels / np.where(usual > 0, usual, 1.0), 1.0))
 
     def conditions(self, record: int) -> dict[str, Array]:
         r, v = self.records[record], self.velocity(record)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, rms
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms, placed_effects, structure_coordinates
-from mrdamp.diagnosis.hypotheses.nominal_effects import merged, without_nominal
+from mrdamp.diagnosis.hypotheses.nominal_effects import about_nominal, merged
 from mrdamp.diagnosis.hypotheses.outside import command_rivals, commanded, grouped, inside_of
 from mrdamp.diagnosis.hypotheses.outside_storeys import base_rivals, bent, shaken, storey_rivals
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
@@ -177,7 +177,7 @@ class FrameRig(Simulator):
         inside = {f"storey {j}" for j in range(low + 1, high + 1)}
         meters = {f"accelerometer {j}" for j in range(1, self.structure.storeys + 1)}
         out = []
-        for term in without_nominal(self.catalogue, self.nominal_model.effects):
+        for term in about_nominal(self.catalogue, self.nominal_model.effects):
             if term.effect == "channel_shift":
                 at_fault = not meters & self.clean
             elif term.place is None:
@@ -251,9 +251,9 @@ class FrameRig(Simulator):
     def input_noise(self, settings: Settings, record: int) -> Array:
         return np.zeros(len(self.channels))  # the table's motion and the command are taken as exact
 
-    def noise_share(self, record: int) -> float:
+    def noise_share(self, record: int) -> Array:
         """Ratio of the noise after averaging over `block` samples to the white noise of a record."""
-        return float(np.sqrt(self.block / self._blocks[record]))
+        return np.full(len(self.channels), np.sqrt(self.block / self._blocks[record]))
 
     @property
     def still(self) -> bool:

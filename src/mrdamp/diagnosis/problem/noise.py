@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,56 +22,42 @@ _CLEAR = 0.012
 class Noise:
     """Standard deviation of each channel's noise (channels,), in its unit, and its source.
 
-    varying: the same without constant differences between runs. steady: False if two runs of one test differ
-    by more than their noise.
+    steady: False if two runs of one test differ by more than their noise.
     """
 
     levels: Array
     source: str  # "repeat" or "high band"
-    varying: Array
     steady: bool = True
 
 
-def channel_noise(case: Case, rig: Rig) -> Noise:
-    """Noise from the repeats or, without any, from the fifth differences, which vanish for smooth signals.
+def channel_noise(
+    case: Case, rig: Rig, block: int = 1, averaged: Case | None = None
+) -> tuple[Noise, list[str]]:
+    """Noise from the repeats or, without any, from the fifth differences, which vanish for smooth signals; and notes on
+    what does not repeat.
 
-    The difference of two runs contains the noise of both; its mean square is halved. A constant difference
-    (an offset that drifts between tests) counts as noise.
+    The difference of two runs contains the noise of both; its mean square is halved. A constant difference (an offset
+    that drifts between tests) counts as noise, any other change beyond the high band as a gap. case: as measured.
+    averaged: the case over blocks of so many samples, if the rig has these; their high band would contain the motion.
     """
-    pairs = [(case.records[k], r) for r, k in case.repeats if k is not None]
-    levels, varying = np.empty(len(rig.channels)), np.empty(len(rig.channels))
-    for c, name in enumerate(rig.channels):
-        if pairs:
-            apart = [
-                (a.channel(name) - b.channel(name))[compared(a.n, a.sample_time)] for a, b in pairs
-            ]
-            levels[c] = np.sqrt(np.mean([np.mean(d**2) / 2 for d in apart]))
-            varying[c] = np.sqrt(np.mean([np.var(d) / 2 for d in apart]))
-        else:
-            levels[c] = varying[c] = np.median([noise_level(r.channel(name)) for r in case.records])
-    return Noise(levels, "repeat" if pairs else "high band", varying)
-
-
-def repeatable(noise: Noise, case: Case, rig: Rig, block: int = 1) -> tuple[Noise, list[str]]:
-    """The noise, limited to that of the high band if two runs of a test differ by more, and notes on what
-    does not repeat.
-
-    A change from run to run is a gap and not noise. Without a repeat the noise is that of the high band. case: as
-    measured. block: number of samples that the rig averages; the high band of averages would contain the motion.
-    """
-    levels, notes = noise.levels.copy(), []
     white = np.array([np.median([noise_level(r.channel(name)) for r in case.records]) for name in rig.channels])
     white /= np.sqrt(block)
-    if noise.source != "repeat":
-        return replace(noise, levels=white, varying=white), []
+    compare = averaged or case
+    pairs = [(compare.records[k], r) for r, k in compare.repeats if k is not None]
+    if not pairs:
+        return Noise(white, "high band"), []
+    levels, notes = white.copy(), []
     for c, name in enumerate(rig.channels):
-        if noise.varying[c] ** 2 > INEXACT * white[c] ** 2 > 0:
-            ratio = noise.varying[c] / white[c]
+        apart = [(a.channel(name) - b.channel(name))[compared(a.n, a.sample_time)] for a, b in pairs]
+        varying = float(np.mean([np.var(d) / 2 for d in apart]))
+        if varying > INEXACT * white[c] ** 2 > 0:
+            ratio = np.sqrt(varying) / white[c]
             notes.append(
                 f"{name} does not repeat: two runs of one test differ by {ratio:.1f} times its noise"
             )
-            levels[c] = white[c]
-    return replace(noise, levels=levels, steady=not notes), notes
+        else:
+            levels[c] = np.sqrt(np.mean([np.mean(d**2) / 2 for d in apart]))
+    return Noise(levels, "repeat", not notes), notes
 
 
 def floors(problem: Problem, noise: Noise, settings: Settings) -> Array:
@@ -81,7 +67,7 @@ def floors(problem: Problem, noise: Noise, settings: Settings) -> Array:
     share = {k: problem.rig.noise_share(k) for k in problem.records}
     return np.array(
         [
-            np.hypot(share[b.record] * noise.levels[b.channel], carried[b.record][b.channel]) / b.size
+            np.hypot(share[b.record][b.channel] * noise.levels[b.channel], carried[b.record][b.channel]) / b.size
             for b in problem.blocks
         ]
     )

@@ -95,8 +95,8 @@ class Rig(Protocol):
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,): RMS change of the simulated channels due to noise of the measured inputs."""
 
-    def noise_share(self, record: int) -> float:
-        """Factor on the noise levels of the channels in a record."""
+    def noise_share(self, record: int) -> Array:
+        """(channels,): factors on their noise levels in a record."""
 
     @property
     def envelope(self) -> Envelope:
