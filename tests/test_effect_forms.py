@@ -229,6 +229,21 @@ def test_a_late_reading_goes_on_beyond_the_record() -> None:
     np.testing.assert_allclose(late[-8:], expected[-8:], atol=0.02 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize(("tau", "width"), [(0.008, 0.0), (0.0, 0.03), (0.005, 0.02)])
+def test_a_filtered_displacement_is_taken_back(tau: float, width: float) -> None:
+    """A sine through a low-pass and an average, by their transfer functions: the force is that of the sine itself."""
+    gain = np.sinc(OMEGA * width / (2 * np.pi)) / (1 + 1j * OMEGA * tau)
+    read, read_speed = (0.01 * np.imag(factor * gain * np.exp(1j * OMEGA * T)) for factor in (1, 1j * OMEGA))
+    lag = {"motion_lag_tau": tau, "motion_lag_width": width}
+    found = core.run("bingham", {**BINGHAM, **lag}, DT, read, read_speed, u=0.5)["force"]
+    speed = 0.01 * OMEGA * np.cos(OMEGA * T)
+    expected = 950 * speed + 250 * np.tanh(speed / 0.004)
+    without = core.run("bingham", BINGHAM, DT, read, read_speed, u=0.5)["force"]
+    inner = slice(5, -5)
+    assert rms((found - expected)[inner]) < 2e-3 * rms(expected)
+    assert rms((without - expected)[inner]) > 10 * rms((found - expected)[inner])
+
+
 # --- gas in series with the fluid: its differential equation in SciPy ---------------------------------
 
 C = 4000.0  # N s/m, a dashpot

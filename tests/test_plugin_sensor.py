@@ -256,6 +256,20 @@ def test_shifted_channel_of_the_stroke(shift: float) -> None:
     assert rms(stroke - 0.02 * np.cos(w * (t - shift))) < 3e-3 * 0.02
 
 
+@pytest.mark.parametrize(("tau", "width"), [(0.004, 0.0), (0.0, 0.02)])
+def test_filtered_channel_of_the_stroke(tau: float, width: float) -> None:
+    """motion_lag: the channel reads a low-pass or an average of the stroke, by their transfer functions."""
+    mass, stiffness, timestep = 2.0, 800.0, 2e-4
+    setting = {**dashpot(1e-6), "motion_lag_tau": tau, "motion_lag_width": width}
+    model, data = oscillator("bingham", setting, mass, stiffness, timestep)
+    data.qpos[0] = 0.02
+    track = step_through(model, data, 3000)
+    t, w = np.arange(3000) * timestep, math.sqrt(stiffness / mass)
+    gain = np.sinc(w * width / (2 * np.pi)) / (1 + 1j * w * tau)
+    stroke = track.sensors[:, model.sensor("stroke").adr[0]]
+    assert rms(stroke - 0.02 * np.real(gain * np.exp(1j * w * t))) < 3e-3 * 0.02
+
+
 def commanded(
     setting: Mapping[str, float], more: str, command: Callable[[float], float], seconds: float, signal: str = "current"
 ) -> Array:

@@ -162,7 +162,10 @@ MUTANTS = (
            ("second - first", "second + first")),
     *_some("moving_mass", "plugin_cpp/core/chain.cc", _FORMS,
            ("RodMass(p, HasMount(p)) * a", "-RodMass(p, HasMount(p)) * a")),
-    *_some("channel_shift", "plugin_cpp/core/record.cc", _FORMS, ("shift", "-shift", "Shift(")),
+    *_some(
+        "channel_shift", "plugin_cpp/core/record.cc", _FORMS, ("p.channel_shift_d", "-p.channel_shift_d", "TakeBack(")
+    ),
+    *_some("motion_lag", "plugin_cpp/core/shift.h", _FORMS, ("tau * v[i]", "-tau * v[i]", "x[i] += ")),
     *_some("seal_friction", _E + "mechanics.h", _FORMS,
            ("breakaway - 1", "breakaway", "coulomb * (1 + ("),
            ("Select(dx > 0, limit, -limit) / sigma", "Select(dx > 0, -limit, limit) / sigma"),

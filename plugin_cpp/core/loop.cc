@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/random.h"
+#include "core/shift.h"
 
 namespace mrdamp {
 
@@ -132,9 +133,9 @@ void Loop::Measure(const MrdampRow* rows, const double* noise) {
   for (int i = 0; i < plan_.drift.n; i++) *at++ = drift_.Row(i, q);
   for (int k = 0; k < many; k++) {
     const Damper& d = dampers_[k];
-    const Real v = a.Velocity(k), shift = d.p.channel_shift_d;
+    const Real v = a.Velocity(k);
     Real acceleration = 0;
-    if (Head(shift) != 0) {
+    if (Misread(d.p)) {
       for (int i = 0; i < n; i++) acceleration += plan_.system.stroke(k, i) * rate_[i];
       // A frame's coordinates are relative to the ground, its accelerometers are not.
       if (!plan_.loaded) {
@@ -145,7 +146,7 @@ void Loop::Measure(const MrdampRow* rows, const double* noise) {
     }
     at[k] = sensors_[k].Read(readings_[k]);
     at[many + k] = a.elements[k].force;
-    at[2 * many + k] = a.Stroke(k) - shift * (v - 0.5 * shift * acceleration);  // x(t - d), to second order
+    at[2 * many + k] = Recorded(d.p, a.Stroke(k), v, acceleration);
     at[3 * many + k] = v;
     at[4 * many + k] = CurrentNow(d, a.sites[k].state.s, command_[k]);
   }

@@ -3,6 +3,7 @@
 #define MRDAMP_CORE_READING_H_
 
 #include "core/random.h"
+#include "core/shift.h"
 #include "core/stepping.h"
 #include "effects/sensor.h"
 
@@ -76,11 +77,7 @@ inline double Value(const Reading& r, const SensorParams& p, const Stepping& dam
     case kUnlimitedForce: return now.own;
     case kPower: return force * damper.v;
     case kEnergy: return s.energy;
-    case kStroke: {
-      // channel_shift: the channel reads x(t - d), to second order.
-      const double shift = damper.damper->p.channel_shift_d;
-      return damper.x - shift * (damper.v - 0.5 * shift * now.a);
-    }
+    case kStroke: return Recorded(damper.damper->p, damper.x, damper.v, now.a);
     case kStrokeVelocity: return damper.v;
     case kCurrent: return damper.seen.current;
     case kField: return damper.seen.field;

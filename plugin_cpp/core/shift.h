@@ -1,16 +1,43 @@
-// channel_shift of a record: a displacement channel that is early or late against the others.
+// channel_shift and motion_lag: a displacement channel that is early or late, and filtered or averaged.
 #ifndef MRDAMP_CORE_SHIFT_H_
 #define MRDAMP_CORE_SHIFT_H_
 
 #include <cmath>
 
 #include "core/lane.h"
+#include "core/params.h"
 
 namespace mrdamp {
 
+// True if the channel reads something else than the motion.
+inline bool Misread(const Params& p) {
+  return Head(p.channel_shift_d) != 0 || Head(p.motion_lag_tau) > 0 || Head(p.motion_lag_width) > 0;
+}
+
+// What the channel reads of a motion, to second order.
+inline Real Recorded(const Params& p, Real x, Real v, Real a) {
+  const Real d = p.channel_shift_d, tau = p.motion_lag_tau, width = p.motion_lag_width;
+  return x - (d + tau) * v + (d * (0.5 * d + tau) + tau * tau + width * width / 24) * a;
+}
+
+// The true motion of what the channel reads: filter and average taken back from the 3 n numbers x, v, a.
+inline void Unfilter(double tau, double width, double dt, int n, double* x, double* v, double* a) {
+  const double bend = width * width / 24;
+  for (int i = 0; i < n; i++) x[i] += tau * v[i] - bend * a[i];
+  for (int i = 0; i < n; i++) {
+    const int before = i > 0 ? i - 1 : 0, after = i < n - 1 ? i + 1 : n - 1;
+    const double jerk = after > before ? (a[after] - a[before]) / ((after - before) * dt) : 0;
+    v[i] += tau * a[i] - bend * jerk;
+  }
+  for (int i = 0; i < n; i++) {
+    const int before = i > 0 ? i - 1 : 0, after = i < n - 1 ? i + 1 : n - 1;
+    if (after > before) a[i] = (v[after] - v[before]) / ((after - before) * dt);
+  }
+}
+
 // The true motion x_true(t) = x_read(t + d), by cubic Hermite pieces, in the 3 n numbers of `store`, which the lane then
 // has. Beyond its ends the motion goes on at its velocity: to stand still there would be a jump.
-inline void Shift(double d, double dt, double* store, MrdampLane* lane) {
+inline void TakeBack(double d, double tau, double width, double dt, double* store, MrdampLane* lane) {
   const int n = lane->n;
   double *x = store, *v = x + n, *a = v + n;
   for (int i = 0; i < n; i++) {
@@ -26,6 +53,7 @@ inline void Shift(double d, double dt, double* store, MrdampLane* lane) {
     if (beyond != 0) x[i] += beyond * dt * v[i];
     a[i] = beyond != 0 ? 0 : lane->a[k] + w * (lane->a[k + 1] - lane->a[k]);
   }
+  if (tau > 0 || width > 0) Unfilter(tau, width, dt, n, x, v, a);
   lane->x = x;
   lane->v = v;
   lane->a = a;

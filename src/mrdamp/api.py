@@ -44,8 +44,11 @@ def identify(
     """Fits a force law to the training part of records and evaluates it in free run on the rest.
 
     records: a set, or files, a folder or a packaged set for `read_records`. law: a force law
-    (`mrdamp.identify.laws.parametric()`). The others: see `mrdamp.identify.fit.identify`.
+    (`mrdamp.identify.laws.parametric()`). extras: effects fitted along, any of a damper's, or `auto` for those that
+    left-out records pay for. The others: see `mrdamp.identify.fit.identify`.
     """
+    from mrdamp.diagnosis.form import form_with, sorted_extras
+    from mrdamp.diagnosis.searched import silent
     from mrdamp.identify.fit import identify as fitted
     from mrdamp.records import Record, RecordSet, read_records
 
@@ -60,10 +63,15 @@ def identify(
     if extras is None or starts < 1 or seed < 0:
         raise InputError("identify: extras is a list, starts at least 1 and seed at least 0")
     read = records if isinstance(records, RecordSet) else read_records(records)
-    return fitted(
-        law, read.train, read.held_out, extras=extras, dependence=dependence, follows=follows, start=start,
+    plain, more = sorted_extras(extras)
+    fit = fitted(
+        law, read.train, read.held_out, extras=plain, dependence=dependence, follows=follows, start=start,
         starts=starts, seed=seed, hold=hold, threads=threads, progress=progress,
     )  # fmt: skip
+    if not more:
+        return fit
+    form = form_with(fit.model, read.train, more, threads=threads or 1, progress=progress or silent)
+    return form.applied(fit, read)
 
 
 def diagnose(case: Case | Path | str, *, jobs: int = 1, progress: Progress | None = None) -> Diagnosis:

@@ -194,7 +194,7 @@ class Records(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_int) for name in ("sets", "n", "columns", "hold", "begin", "end")),
         ("dt", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("params", "x", "v", "a", "u", "column", "shifted", "out")),
+        *((name, ctypes.c_void_p) for name in ("params", "x", "v", "a", "u", "column", "moved", "out")),
     )
 
 
@@ -202,7 +202,7 @@ class Task(NamedTuple):
     """Parameter sets of one law through a record.
 
     free: numbers of the attributes in use. params (sets, attributes in use). inputs: x, v, a, u, (n,) each. record:
-    without sets and addresses. shifted: true if a displacement channel is early or late.
+    without sets and addresses. moved: true if a displacement channel reads something else than the motion.
     """
 
     law: str
@@ -211,7 +211,7 @@ class Task(NamedTuple):
     inputs: tuple[Array, ...]
     columns: NDArray[np.int32]
     record: Records
-    shifted: bool
+    moved: bool
 
     def run(self, launch: Callable[[Records], None], put: Put, out: Array, first: int) -> None:
         """Sets from `first` on into out (sets, columns, n)."""
@@ -219,7 +219,7 @@ class Task(NamedTuple):
         record.sets, record.params = len(some), put(some)
         record.x, record.v, record.a, record.u = map(put, self.inputs)
         record.column = put(self.columns)
-        record.shifted = put(np.empty((len(some), 3, record.n))) if self.shifted else None
+        record.moved = put(np.empty((len(some), 3, record.n))) if self.moved else None
         record.out = put(out)
         launch(record)
 
@@ -253,9 +253,9 @@ def _task(law: str, one: Sets, lead: slice | None, columns: Sequence[int]) -> Ta
     free = free_attributes(params)
     record = Records(0, len(x), len(columns), int(one.hold), begin, end, one.dt)
     inputs = (x, v, a, np.ascontiguousarray(one.u, dtype=float))
-    shifted = number["channel_shift_d"] in free
+    moved = any(number[name] in free for name in ("channel_shift_d", "motion_lag_tau", "motion_lag_width"))
     params = np.ascontiguousarray(params[:, list(free)])
-    return Task(law, free, params, inputs, np.array(columns, np.int32), record, shifted)
+    return Task(law, free, params, inputs, np.array(columns, np.int32), record, moved)
 
 
 def _rate(of: Array, dt: float) -> Array:
@@ -268,7 +268,7 @@ def on_gpu(asked: Task) -> Array:
     device = first_device()
     function = kernels(device, "records", asked.law, asked.free)
     n, columns = asked.record.n, asked.record.columns
-    each = 8 * (asked.params.shape[1] + n * (columns + 3 * asked.shifted))
+    each = 8 * (asked.params.shape[1] + n * (columns + 3 * asked.moved))
     out = np.empty((len(asked.params), columns, n))
     with Current(device):
         free, _ = checked(driver.cuMemGetInfo())

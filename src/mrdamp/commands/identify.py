@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from mrdamp.records import RecordSet
 
 _UNITS = "A", "V"
-#: Of --extras: whatever the records pay for.
-AUTO = "auto"
 
 
 def add_to(commands: Any) -> None:
@@ -49,7 +47,7 @@ def add_to(commands: Any) -> None:
     about = "fit a law, or a network, to records; evaluated in free run on held-out records"
     example = "mrdamp identify records/ --law bouc_wen --intervals -o model.json"
     p = add_command(commands, "identify", reporting(run_identify), about, example)
-    add_records(p, f"; {AUTO}: those that left-out records pay for")
+    add_records(p, "; any effect of a damper; auto: those that left-out records pay for")
     p.add_argument(
         "--law",
         default="modified_bouc_wen",
@@ -146,7 +144,7 @@ def run_identify(a: argparse.Namespace) -> dict[str, Any]:
 
 def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     """What `--json` prints."""
-    from mrdamp.diagnosis.form import form_of
+    from mrdamp.diagnosis.form import form_with, sorted_extras
     from mrdamp.identify import compare_dependences, error, identify, pooled
     from mrdamp.identify.comparison import overview_of
     from mrdamp.identify.findings import findings
@@ -169,11 +167,11 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     records = protocol_records(a, records)
     if a.by_command:
         return _by_command(a, records)
-    auto = AUTO in a.extras
-    if auto and a.intervals:
-        raise InputError(f"--intervals is not available with --extras {AUTO}; mrdamp diagnose prints them")
+    plain, more = sorted_extras(a.extras)
+    if more and a.intervals:
+        raise InputError(f"--intervals is not available with --extras {more[0]}; mrdamp diagnose prints them")
     common: dict[str, Any] = {
-        "extras": ["offset"] if a.extras == [AUTO] else [e for e in a.extras if e != AUTO],
+        "extras": plain,
         "starts": a.starts,
         "seed": a.seed,
         "hold": HOLD.get(a.hold),
@@ -196,8 +194,8 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     else:
         fit = identify(a.law, records.train, records.held_out, dependence=a.dependence, **common)
     check_explained(records.train, fit.train_nrmse)
-    if auto:
-        form = form_of(fit.model, records.train, threads=a.jobs, progress=show_progress)
+    if more:
+        form = form_with(fit.model, records.train, more, threads=a.jobs, progress=show_progress)
         print("\n".join(form.lines()))
         fit = form.applied(fit, records)
     print(f"{a.law}: free-run error over the force's standard deviation:")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -71,22 +72,12 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     # What channels of the baseline show as well is no change.
     own = {c.cause: c.nats for pair in _compared(rig, case.baseline) for c in pair} if case.baseline else {}
     direct = {c.cause: max(c.nats - own.get(c.cause, 0.0), 0.0) for c in channels if c.cause is not None}
-
-    def begun(rig: DamperRig) -> tuple[Search, Array]:
-        """A new search on excerpts of long records, and the gaps (blocks,) due to noise alone."""
-        plain = _shortened(rig)
-        floor = floors(plain, noise, {})
-        problem = plain.like(trust=trust(plain, floor))
-        most, own = limits or Limits(), own_cost(problem, base)
-        cost = problem.cost(floor)
-        missed = case.question == "missed"
-        return Search(problem, cost, most, jobs, own=own, steady=noise.steady, direct=direct, missed=missed), floor
-
-    search, floor = begun(rig)
+    how: dict[str, Any] = {"direct": direct, "missed": case.question == "missed", "base": base, "limits": limits}
+    search, floor = begun(rig, noise, **how)
     ends = frozenset(search.base.at_bounds)
     if ends and search.unexplained(search.base) < _FAR_OFF:
         rig = replace(rig, wider=ends)
-        search, floor = begun(rig)
+        search, floor = begun(rig, noise, **how)
     known = [t for t in rig.terms if t.name in rig.known]
     late = [
         replace(c.term, starts=(tuple(c.settings[q.name] for q in c.term.coordinates),))
@@ -104,6 +95,19 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         before = pooled(baseline_gap(Problem.thinned(replace(rig, records=case.baseline), coarse=True), rig))
     covered = len(case.records), len(asked)
     return DamperSearched(case, rig, search, noise, floor, untouched, channels, notes, again, beyond, covered, before)
+
+
+def begun(
+    rig: DamperRig, noise: Noise, *, base: Array | None = None, limits: Limits | None = None, **how: Any
+) -> tuple[Search, Array]:
+    """A new search on excerpts of long records, and the gaps (blocks,) due to noise alone. base (channels,): gaps of
+    the baseline. how: of the `Search`."""
+    plain = _shortened(rig)
+    floor = floors(plain, noise, {})
+    problem = plain.like(trust=trust(plain, floor))
+    own = 0.0 if base is None else own_cost(problem, base)
+    made = Search(problem, problem.cost(floor), limits or Limits(), rig.threads, own=own, steady=noise.steady, **how)
+    return made, floor
 
 
 @dataclass(frozen=True)

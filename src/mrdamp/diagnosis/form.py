@@ -1,4 +1,4 @@
-"""The effects that a law's own identification records pay for: `mrdamp identify --extras auto`.
+"""Effects of the catalogue fitted along with a law: named ones, or those that its records pay for (`auto`).
 
 What a simulator misses on the records that it was identified on and the choice of a model's form are one question. The
 diagnosis answers it: every effect of the catalogue is fitted along with the law, and judged on records left out.
@@ -10,36 +10,63 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.damper_run import begun
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
+from mrdamp.diagnosis.fits.final import final_fit, least_left_out
+from mrdamp.diagnosis.fits.screening import screen
+from mrdamp.diagnosis.problem.command_hold import with_hold
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.run import concluded, searched
 from mrdamp.diagnosis.searched import Progress, silent
+from mrdamp.errors import InputError
 from mrdamp.identify.fit import Fit as IdentifiedFit
 from mrdamp.identify.fit import error
-from mrdamp.model import Model
+from mrdamp.identify.laws import EXTRAS
+from mrdamp.model import Model, damper_effects
 from mrdamp.records import Record, RecordSet
+
+#: In place of names: whatever the records pay for.
+AUTO = "auto"
+#: What the law's own numbers are: its size, and the preload.
+_OF_LAW = "sensor_gain", "sensor_offset"
+
+
+def sorted_extras(extras: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Effects that a law's own fit takes, and others or `AUTO`. Raises InputError for what is neither."""
+    allowed = [AUTO, *dict.fromkeys((*EXTRAS, *(e for e in damper_effects() if e not in _OF_LAW)))]
+    for extra in extras:
+        if extra not in allowed:
+            raise InputError(f"{extra!r} cannot be fitted along; allowed: {', '.join(allowed)}")
+    more = [e for e in dict.fromkeys(extras) if e not in EXTRAS]
+    if AUTO in more and len(more) > 1:
+        raise InputError(f"{AUTO!r} finds the effects itself; allowed beside it: {', '.join(EXTRAS)}")
+    return ["offset"] if list(extras) == [AUTO] else [e for e in extras if e in EXTRAS], more
 
 
 @dataclass(frozen=True)
 class Form:
     """A model with the effects that its records pay for.
 
-    effects: probability by name; empty if there is none, and the model is the given one. left: share of the squared
-    error of the law without them that they leave on left-out records, both fitted in the same way.
+    effects: probability by name, None of one that was asked for; empty if there is none, and the model is the given
+    one. left: share of the squared error of the law without them that they leave on left-out records, both fitted in
+    the same way.
     """
 
     model: Model
-    effects: Mapping[str, float]
+    effects: Mapping[str, float | None]
     left: float = 1.0
 
     def lines(self) -> list[str]:
         """What the effects are worth, for a person."""
         if not self.effects:
             return ["no effect of the catalogue pays for itself on left-out records"]
-        named = ", ".join(f"{name} (probability {p:.2f})" for name, p in self.effects.items())
+        named = ", ".join(f"{c} (probability {p:.2f})" if p is not None else c for c, p in self.effects.items())
         worth = f"they leave {100 * self.left:.0f} % of the squared error of the law alone"
         return [f"fitted along: {named}", f"  on records left out of the fits {worth}"]
 
@@ -49,6 +76,31 @@ class Form:
             return fit
         fitted, held = (tuple(error(self.model, r) for r in half) for half in (records.train, records.validation))
         return replace(fit, model=self.model, train=fitted, held_out=held, space=None, point=())
+
+
+def form_with(
+    model: Model, records: Sequence[Record], causes: Sequence[str], *, threads: int = 1, progress: Progress = silent
+) -> Form:
+    """A model with these effects fitted along with its law, one after the other, in the forms with the least error on
+    left-out records. `[AUTO]`: those that the records pay for. Raises InputError."""
+    if list(causes) == [AUTO]:
+        return form_of(model, records, threads=threads, progress=progress)
+    with threadpool_limits(limits=1):
+        case, _ = with_hold(Case(model.name, Path(), model, tuple(records), (), own=len(records)), threads)
+        rig = DamperRig(case.model, case.records, threads=threads).with_motion()
+        search, _ = begun(rig, channel_noise(case, rig)[0], missed=True)
+        found = search.base
+        for k, cause in enumerate(causes):
+            progress(f"fitting {cause}", k / len(causes))
+            tests = screen(search, found, [t for t in rig.terms if t.cause == cause])
+            known = search.law_columns(found)
+            tasks = [(*search.start_from(found, p.term, p.start, p.by), known, np.inf) for p in tests]
+            if not (tried := search.keep_tried(tasks)):
+                raise InputError(f"{records[0].label}: no form of {cause} that these records could show")
+            found = least_left_out(search, min(tried, key=lambda f: f.cost))
+        final = final_fit(search, found, mend=False, rig=rig)
+    left = search.left_out_cost(found) / search.left_out_cost(search.base)
+    return Form(rig.model(final.fit.settings), dict.fromkeys(causes), left)
 
 
 def form_of(

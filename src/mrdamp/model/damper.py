@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import signal
 
 from mrdamp.errors import InputError, nearest
 from mrdamp.files import read_json, write_atomic
@@ -203,7 +204,7 @@ class Model:
             self.law, self.attributes, self.frame, dt, inputs["ground_acceleration_m_s2"], inputs["command"], hold=hold,
             substep=substep, narx=self.narx,
         )  # fmt: skip
-        return floor_channels(out, dt, self.attributes.get("channel_shift_d", 0.0))
+        return floor_channels(out, dt, self.attributes)
 
     def to_dict(self) -> dict[str, Any]:
         """What `write` puts into a file."""
@@ -318,20 +319,29 @@ def effects_from(attributes: Mapping[str, float]) -> tuple[Effect, ...]:
     return tuple(Effect(name, found[name]) for name in damper_effects() if name in found)
 
 
-def floor_channels(out: Mapping[str, Array], dt: float, shift: float) -> dict[str, Array]:
-    """Columns of `core.run_frame` as a frame record's channels; displacements are read `shift` seconds late."""
-    channels: dict[str, Array] = {}
-    storeys = sum(name.startswith("acceleration_") for name in out)
-    for floor in range(1, storeys + 1):
-        channels[f"floor{floor}_acceleration_m_s2"] = out[f"acceleration_{floor}"]
-    for floor in range(1, storeys + 1):
-        x = out[f"displacement_{floor}"]
-        if shift:
-            t = dt * np.arange(len(x))
-            x = np.interp(t - shift, t, x)
-        channels[f"floor{floor}_displacement_m"] = x
-    channels["force_N"] = out["force"]
-    return channels
+def recorded(x: Array, dt: float, attributes: Mapping[str, float]) -> Array:
+    """A displacement (n,), m, as its channel reads it: late (`channel_shift`), filtered or averaged (`motion_lag`)."""
+    shift, tau, width = (attributes.get(n, 0.0) for n in ("channel_shift_d", "motion_lag_tau", "motion_lag_width"))
+    t = dt * np.arange(len(x))
+    if tau > 0:  # exact for straight lines between samples
+        decay = np.exp(-dt / tau)
+        own = tau / dt * (1 - decay)
+        lagged = signal.lfilter([1 - own, own - decay], [1, -decay], x - x[0])
+        x = np.asarray(lagged + x[0])
+    if width > 0:
+        path = np.concatenate([[0.0], np.cumsum((x[1:] + x[:-1]) / 2) * dt])
+        low, high = np.clip(t - width / 2, 0, t[-1]), np.clip(t + width / 2, 0, t[-1])
+        mean = (np.interp(high, t, path) - np.interp(low, t, path)) / np.maximum(high - low, dt)
+        x = np.where(high > low, mean, x)
+    return np.interp(t - shift, t, x) if shift else x
+
+
+def floor_channels(out: Mapping[str, Array], dt: float, attributes: Mapping[str, float]) -> dict[str, Array]:
+    """Columns of `core.run_frame` as a frame record's channels, with displacements as they are `recorded`."""
+    storeys = range(1, 1 + sum(name.startswith("acceleration_") for name in out))
+    channels = {f"floor{k}_acceleration_m_s2": out[f"acceleration_{k}"] for k in storeys}
+    channels |= {f"floor{k}_displacement_m": recorded(out[f"displacement_{k}"], dt, attributes) for k in storeys}
+    return {**channels, "force_N": out["force"]}
 
 
 def _effect(item: Any, where: str) -> Effect:

@@ -259,8 +259,9 @@ def _sensors(root: ET.Element, model: Model) -> None:
 
 def add_sensor(group: ET.Element, signal: str, name: str, actuator: str, model: Model) -> None:
     """Appends the sensor of one of `SIGNALS` of a damper (an actuator's name) to a group of sensors."""
-    # Only the plugin can give a shifted stroke (`channel_shift`).
-    if signal in _ENGINES and not (signal == "stroke" and model.attributes.get("channel_shift_d", 0.0)):
+    # Only the plugin can give a stroke as a channel at fault reads it.
+    misread = any(model.attributes.get(n, 0.0) for n in ("channel_shift_d", "motion_lag_tau", "motion_lag_width"))
+    if signal in _ENGINES and not (signal == "stroke" and misread):
         ET.SubElement(group, _ENGINES[signal], name=name, actuator=actuator)
     else:
         plugin_sensor(group, signal, name, actuator)

@@ -86,6 +86,10 @@ def drive_rig(
         beyond = t + shift - moved  # the record's ends; the motion continues at its velocity there
         x, v = path(moved) + path(moved, 1) * beyond, path(moved, 1)
         a = np.interp(moved, t, a) * (beyond == 0)
+    tau, width = (model.attributes.get(f"motion_lag_{name}", 0.0) for name in ("tau", "width"))
+    if tau or width:
+        x, v = x + tau * v - width**2 / 24 * a, v + tau * a - width**2 / 24 * np.gradient(a, dt)
+        a = np.gradient(v, dt)
     fine = dt / inner * np.arange((n - 1) * inner + 1)
     rod, rod_velocity = _straight(x, v, dt, inner)
     acceleration, command = np.interp(fine, t, a), between(u, inner, False, bool(model.hold))
@@ -257,4 +261,4 @@ def drive_frame(
     out = {f"acceleration_{j + 1}": read[:, j].copy() for j in range(storeys)}
     out |= {f"displacement_{j + 1}": rows[:, storeys + j].copy() for j in range(storeys)}
     out["force"] = rows[:, -1].copy()
-    return floor_channels(out, dt, model.attributes.get("channel_shift_d", 0.0))
+    return floor_channels(out, dt, model.attributes)

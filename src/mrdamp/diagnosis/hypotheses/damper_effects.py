@@ -36,8 +36,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
     records can show: a form whose resonances are above the sampling limit has no starts."""
     inertia, dt = s.force / s.acceleration, s.sample_time
     parts = _mechanics(s), _mass_terms(inertia, dt), _mount(s), sensor_terms(s.force, dt)
-    shift = term("channel_shift", (linear("d", dt, -25 * dt, 25 * dt),), (2 * dt,), (-2 * dt,))
-    terms = chain(current_terms(s), fluid_terms(s), *parts, (shift,))
+    terms = chain(current_terms(s), fluid_terms(s), *parts, _motion_terms(dt))
     return catalogue(t for t in terms if t.starts)
 
 
@@ -124,6 +123,13 @@ def sensor_terms(size: float, dt: float, place: int | None = None) -> Iterator[T
     second = lag, positive("ratio", 0.8, 0.3, 0.98, 0.2), positive("tau2", 0.3 * dt, 0.02 * dt, 25 * dt)
     starts = (dt, 0.8, 0.1 * dt), (3 * dt, 0.75, 0.5 * dt), (6 * dt, 0.65, 3 * dt)
     yield at("sensor_lag:second order", second, *starts)
+
+
+def _motion_terms(dt: float) -> Iterator[Term]:
+    """Effects of the displacement channel. dt: sample time (s)."""
+    yield term("channel_shift", (linear("d", dt, -25 * dt, 25 * dt),), (2 * dt,), (-2 * dt,))
+    yield term("motion_lag", (positive("tau", 2 * dt, 0.1 * dt, 25 * dt),), (2 * dt,))
+    yield term("motion_lag:average", (positive("width", 10 * dt, dt, 100 * dt),), (10 * dt,), (40 * dt,))
 
 
 def _is_clearance(force: float, settings: Settings) -> bool:

@@ -233,6 +233,18 @@ def _shift(s: Signals, p: Parameters, _: Scales) -> Record:
     return moved.part(record.time[keep][0], record.time[keep][-1])
 
 
+@_form("motion_lag", lambda r, c, _, s: {"width": float(s * 0.6 * c.stroke / c.velocity * r.uniform(0.8, 1.2))})
+def _averaged(s: Signals, p: Parameters, _: Scales) -> Record:
+    """A moving average of the path between the samples over width, at the ends over what there is on both sides."""
+    record = s.record
+    path = CubicSpline(record.time, record.displacement).antiderivative()
+    inside = np.minimum(record.time - record.time[0], record.time[-1] - record.time)
+    half = np.minimum(p["width"] / 2, inside)
+    some = half > 0
+    mean = (path(record.time + half) - path(record.time - half)) / np.where(some, 2 * half, 1.0)
+    return _moved(record, np.where(some, mean, record.displacement))
+
+
 # --- force sensor ---------------------------------------------------------------------------------------------------
 
 

@@ -24,6 +24,7 @@ from mrdamp.diagnosis.problem.rig import Simulator
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array, FrameInput
+from mrdamp.model.damper import recorded
 from mrdamp.records import Record
 from mrdamp.records.log_filter import FACTOR, finer, jumps, logged, rings_before_jumps
 from mrdamp.records.sampling import derivative
@@ -40,6 +41,8 @@ _WIDER = 2.0
 _BAND = 0.8, 16.0
 #: How often a proposed test is scaled down, and to what share of what the records reach.
 _SCALED, _WITHIN = 6, 0.95
+#: Effects of the displacement channels.
+_OF_MOTION = "channel_shift", "motion_lag"
 _STRUCTURE = ("mass", "stiffness", "damping")
 
 
@@ -178,7 +181,7 @@ class FrameRig(Simulator):
         meters = {f"accelerometer {j}" for j in range(1, self.structure.storeys + 1)}
         out = []
         for term in about_nominal(self.catalogue, self.nominal_model.effects):
-            if term.effect == "channel_shift":
+            if term.effect in _OF_MOTION:
                 at_fault = not meters & self.clean
             elif term.place is None:
                 at_fault = term.stage != "sensor" or not inside & self.sharp
@@ -192,7 +195,7 @@ class FrameRig(Simulator):
 
     def _reads(self, term: Term) -> bool:
         """False for a fault of a channel that was not measured."""
-        if term.effect == "channel_shift":
+        if term.effect in _OF_MOTION:
             return any("displacement" in c for c in self.channels)
         if term.stage != "sensor":
             return True
@@ -225,12 +228,9 @@ class FrameRig(Simulator):
         if factor > 1:
             out = logged(out, self._filtered[record])
         late = [k for k, c in enumerate(self.columns) if c.startswith("displacement")]
-        t = r.sample_time * np.arange(r.n)
         for row, setting in zip(out, settings, strict=True):
-            shift = setting.get("channel_shift_d", self.base.get("channel_shift_d", 0.0))
-            if shift:
-                for k in late:
-                    row[k] = np.interp(t - shift, t, row[k])
+            for k in late:
+                row[k] = recorded(row[k], r.sample_time, {**self.base, **setting})
         return block_means(out, self._blocks[record])
 
     def driven(self, record: int) -> Record:
