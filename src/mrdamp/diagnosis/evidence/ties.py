@@ -58,7 +58,7 @@ def tie_classes(
 
 
 def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
-    """Effects of the catalogue that these records cannot show, each with the largest size that may be
+    """Effects of the catalogue that these records cannot show in any form, each with the largest size that may be
     present.
 
     This is the size at which the signature, without the part that the free nominal parameters can reproduce,
@@ -69,7 +69,7 @@ def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
     basis = np.linalg.qr(base.jacobian)[0] if base.jacobian.shape[1] else base.jacobian
     rough = search.problem.rougher(base.hypothesis)
     before = rough.residuals(base.hypothesis, base.point)[0]
-    out = []
+    most: dict[str, tuple[float, Term]] = {}  # of each cause the form that shows most
     for term in (t for t in search.problem.rig.terms if not t.later):
         if term.cause in chosen.hypothesis.causes:
             continue
@@ -77,10 +77,16 @@ def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
         change = rough.residuals(hypothesis, point)[0] - before
         own = change - basis @ (basis.T @ change)
         size = float(np.linalg.norm(own)) / max(float(np.sqrt(chosen.cost)), 1e-12)
-        if size < HIDDEN_BELOW:
-            value = could_hide(term, HIDDEN_BELOW / max(size, 1e-9))
-            out.append({"effect": term.cause, "setting": term.coordinates[0].name, "could_hide": value})
-    return tuple({str(u["effect"]): u for u in out}.values())
+        most[term.cause] = max(most.get(term.cause, (size, term)), (size, term), key=lambda pair: pair[0])
+    return tuple(
+        {
+            "effect": cause,
+            "setting": term.coordinates[0].name,
+            "could_hide": could_hide(term, HIDDEN_BELOW / max(size, 1e-9)),
+        }
+        for cause, (size, term) in most.items()
+        if size < HIDDEN_BELOW
+    )
 
 
 def could_hide(term: Term, factor: float) -> float:

@@ -20,8 +20,9 @@ from mrdamp.model.core import Array
 _SKIP = 0.1
 #: Samples excluded at the end of a record, where a converter's filter distorts the motion.
 _END = 8
-#: Number of residual samples of a rig, over all channels and records.
-_SAMPLES = 20_000
+#: Number of residual samples of a rig, over all channels and records: in a search, and for what is told. Every eighth
+#: sample of a frame at 1 kHz gives a gap after jumps of the command of 19.4 % for 17.6.
+_SAMPLES, _WHOLE = 20_000, 200_000
 #: Step of the finite differences, in units of search.
 _STEP = 0.02
 #: Error assigned to a diverged run, as a multiple of the record's size.
@@ -101,8 +102,9 @@ class Problem:
     def thinned(
         cls, rig: Rig, *, coarse: bool = False, trust: Mapping[tuple[int, int], float] | None = None
     ) -> Problem:
-        """Residuals of all records of a rig, of every so many samples that there are _SAMPLES in all."""
-        stride = max(1, round(sum(r.n for r in rig.records) * len(rig.channels) / _SAMPLES))
+        """Residuals of all records of a rig, of every so many samples that there are _SAMPLES in all; _WHOLE with the
+        full step."""
+        stride = max(1, round(sum(r.n for r in rig.records) * len(rig.channels) / (_SAMPLES if coarse else _WHOLE)))
         return cls(rig, stride=stride, coarse=coarse, trust=trust)
 
     def like(self, rig: Rig | None = None, **changed: Any) -> Problem:
