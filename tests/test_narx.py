@@ -208,10 +208,10 @@ def test_both_errors_are_printed(
     assert found[1] == pytest.approx(found[0] / float(np.std(s.force)), abs=2e-3)
     one = net.forward(s.regressors(net.inputs)[2:])
     assert found[2] == pytest.approx(float(np.sqrt(np.mean((one - s.force[2:]) ** 2))), abs=0.2)
-    assert "the training records suffice: " in text
+    assert "other records are predicted as well as the training records: " in text
     assert sorted(p.name for p in tmp_path.glob("*.png")) == ["p-free_run.png", "p-one_step.png"]
     html = page.read_text()
-    assert "The training records suffice" in html
+    assert "They are predicted as well as the training records" in html
     assert "<svg" in html
     assert not list(tmp_path.glob("*.unfinished"))
 
@@ -301,8 +301,8 @@ def test_records_that_do_not_suffice_are_told(tmp_path: Path, capsys: pytest.Cap
         [as_record(400, 3, "c", 1.2)],
     )
     run("identify", root, *SMALL, "-o", tmp_path / "m.json")
-    line = next(row for row in capsys.readouterr().out.splitlines() if "suffice" in row)
-    assert line.startswith("the training records do not suffice: ")
+    line = next(row for row in capsys.readouterr().out.splitlines() if "are predicted" in row)
+    assert line.startswith("other records are predicted worse than the training records: ")
     assert "i leaves its training range most in c" in line
 
 

@@ -22,6 +22,9 @@ from mrdamp.commands import (
 )
 from mrdamp.errors import InputError
 
+#: Size of a channel over the simulator's, or its inverse, from which its unit is asked for: a g is 9.8 m/s2.
+_UNLIKE = 5.0
+
 
 def add_to(commands: Any) -> None:
     """Adds case, diagnose, sensitivity and gap to the subparsers of an argparse parser."""
@@ -102,12 +105,12 @@ def add_to(commands: Any) -> None:
 def run_case(a: argparse.Namespace) -> int:
     """Reads everything first, then writes the folder."""
     from mrdamp.diagnosis.case.audit import of_frame
-    from mrdamp.diagnosis.case.folder import read_case
+    from mrdamp.diagnosis.case.folder import against, read_case
     from mrdamp.identify.provenance import IDENTIFIED_ON
     from mrdamp.records import read_record, record_files
     from mrdamp.records.checks import warnings_of
     from mrdamp.records.division import refuse_copies
-    from mrdamp.simulation.predict import INPUTS
+    from mrdamp.simulation.predict import INPUTS, clamped
 
     if a.out.exists():
         raise InputError(f"{a.out}: there is one already; give another folder")
@@ -138,7 +141,7 @@ def run_case(a: argparse.Namespace) -> int:
     body = model.to_dict()["model"]
     data: dict[str, Any] = {"name": a.out.name, "format": 1, "rig": model.rig}
     if len(rates) == 1:
-        data["sample_rate_hz"] = rates.pop()
+        data["sample_rate_hz"] = next(iter(rates))
     hold = HOLD.get(a.hold, model.hold)
     if hold is not None:
         data["hold"] = hold
@@ -156,10 +159,23 @@ def run_case(a: argparse.Namespace) -> int:
         for file, name in names.items():
             shutil.copyfile(file, a.out / name)
         (a.out / "case.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-        read_case(a.out)  # what `mrdamp diagnose` would refuse is refused here
+        case = read_case(a.out)  # what `mrdamp diagnose` would refuse is refused here
+    except InputError as error:
+        shutil.rmtree(a.out, ignore_errors=True)
+        given = {str(a.out / name): str(file) for file, name in names.items()} | {str(a.out / "case.json"): str(a.out)}
+        told = next((str(error).replace(copy, file) for copy, file in given.items() if copy in str(error)), str(error))
+        raise InputError(told) from None
     except BaseException:
         shutil.rmtree(a.out, ignore_errors=True)
         raise
+    checks += [
+        f"{name} is {ratio:.2g} times that of the simulator: check its unit"
+        for name, (ratio, _) in against(model, case.records).items()
+        if not 1 / _UNLIKE < ratio < _UNLIKE
+    ]
+    if len(rates) > 1:
+        checks.append(f"records at {', '.join(f'{rate:g}' for rate in sorted(rates))} Hz")
+    checks += [f"{r.label}: {said}" for r in records.values() if (said := clamped(model, r))]
     for check in [*checks, *warnings_of(list(records.values())), *of_frame(list(records.values()))]:
         print(f"check: {check}")
     print(a.out / "case.json")

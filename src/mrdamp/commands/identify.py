@@ -297,11 +297,13 @@ def _found(fit: Fit, left_over: Sequence[ChannelFinding], checks: Sequence[str])
         ended = any(f"{name} is at the end of its range" in check for check in checks)
         if name in attributes and not ended:
             print(f"  found: {what}: {scale * attributes[name]:.4g} {unit}")
+    late = {c.record: c.delay for c in left_over if c.delay_share > _MATERIAL and abs(c.delay) > 3 * c.delay_error}
+    one_way = len({delay > 0 for delay in late.values()}) == 1  # both ways it is the law's form
     for c in left_over:
         left = []
         if c.offset_share > _MATERIAL and abs(c.offset) > 3 * c.offset_error:
             left.append(f"offset {c.offset:.3g} +- {1.96 * c.offset_error:.2g} N")
-        if c.delay_share > _MATERIAL and abs(c.delay) > 3 * c.delay_error:
+        if one_way and c.record in late:
             left.append(f"delay of the force {1e3 * c.delay:.3g} +- {1.96e3 * c.delay_error:.2g} ms")
         if left:
             print(f"  remains in {c.record}: {', '.join(left)}")

@@ -183,7 +183,8 @@ def _print_fit(fit: FitNarx, splits: DataSplit, protocol: str) -> Sufficiency:
     others = (*splits.validation, *splits.test)
     new = (*fit.free_run.validation, *fit.free_run.test)
     found = sufficiency(net, p, splits.train, others, fit.free_run.train, new)
-    print(f"the training records {'suffice' if found.suffice else 'do not suffice'}: {found.why}")
+    how = "as well as" if found.suffice else "worse than"
+    print(f"other records are predicted {how} the training records: {found.why}")
     for lost in (e for e in (*fit.free_run.train, *new) if not e.nrmse < 1):
         print(f"check: {lost.record}: a free run {lost.nrmse:.3g} standard deviations off is no prediction")
     return found
@@ -283,8 +284,8 @@ def _page(
         rows,
         "RMS errors, and over the force's standard deviation. Validation records chose the stage of training.",
     )
-    verdict = "suffice" if found.suffice else "do not suffice"
-    page.text("Whether the records suffice", f"The training records {verdict}: {found.why}.")
+    verdict = "as well as" if found.suffice else "worse than"
+    page.text("Other records", f"They are predicted {verdict} the training records: {found.why}.")
     page.table(
         "Training",
         ("stage", "effective weights", "free run, validation (%)", "one step (%)"),

@@ -69,7 +69,7 @@ def error_bars(network: Network, posterior: Posterior, s: Series, most: int = 30
 
 @dataclass(frozen=True)
 class Sufficiency:
-    """Whether the training records suffice for others, and by which sign, in one line."""
+    """Whether others are predicted as well as the training records, and by which sign, in one line."""
 
     suffice: bool
     why: str

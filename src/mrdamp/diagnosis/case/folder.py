@@ -23,6 +23,9 @@ LEAST = 100
 _INPUTS = {"damper": DAMPER_INPUTS, "frame": FRAME_INPUTS}
 #: Simulated over measured force from which, or from the inverse of which, units differ.
 _OTHER_UNIT = 100.0
+#: Correlation of a frame's damper force with the simulator's from which its sign is the other one: whatever is wrong in
+#: it, a damper resists.
+_REVERSED = -0.5
 #: Two tests have the same input if their inputs differ by at most this share of their RMS.
 _SAME = 0.02
 
@@ -81,7 +84,7 @@ def read_case(folder: Path | str) -> Case:
         check_sign(record)
         if model.structure is not None:
             check_frame_sign(record, model.structure.damper_between)
-    _check_units(path, model, records)
+    _check_against(path, model, records)
     own = None
     if IDENTIFIED_ON in data:
         used = hashes(str(path), data[IDENTIFIED_ON])
@@ -89,21 +92,38 @@ def read_case(folder: Path | str) -> Case:
     return Case(str(data.get("name", folder.name)), folder, model, records, repeats, baseline, own)
 
 
-def _check_units(path: Path, model: Model, records: Sequence[Record]) -> None:
-    """Raises InputError where a damper's simulator and its records differ as units do (kN, mm, mA: by 1000)."""
-    if model.rig != "damper":
-        return
-    size = np.zeros(2)
+def against(model: Model, records: Sequence[Record]) -> dict[str, tuple[float, float]]:
+    """Of each measured channel, over the records: RMS over that of the simulator, and correlation with it."""
+    sums: dict[str, Array] = {}
     for r in records:
-        name = "force_N" if "force_N" in r.channels else "reference_force_N"
-        simulated = model.simulate(r.sample_time, r.channels)[name]
-        size += [float(np.mean(x**2)) for x in (simulated, r.channel(name))]
-    ratio = float(np.sqrt(size[0] / max(size[1], 1e-300)))
-    if not 1 / _OTHER_UNIT < ratio < _OTHER_UNIT:
-        raise InputError(
-            f"{path}: the simulator's force is {ratio:.3g} times the measured one (RMS over the records): its"
-            " parameters and the records are in different units; channels are in m, N, s, and A or V"
-        )
+        for name, simulated in model.simulate(r.sample_time, r.channels).items():
+            if name in r.channels:
+                measured = np.asarray(r.channel(name))
+                products = np.array([np.mean(simulated**2), np.mean(measured**2), np.mean(simulated * measured)])
+                sums[name] = sums.get(name, np.zeros(3)) + products
+    tiny = 1e-300
+    return {
+        name: (float(np.sqrt(m / max(s, tiny))), float(both / np.sqrt(max(s * m, tiny))))
+        for name, (s, m, both) in sums.items()
+    }
+
+
+def _check_against(path: Path, model: Model, records: Sequence[Record]) -> None:
+    """Raises InputError where a channel and the simulator differ as units do (kN, mm, mA: by 1000), or as signs do."""
+    for name, (ratio, alike) in against(model, records).items():
+        if not 1e-9 < ratio < 1e9:
+            of = f"{name} is 0" if ratio < 1 else f"the simulator's {name} is 0 with the inputs of the records"
+            raise InputError(f"{path}: {of}: nothing can be compared")
+        if not 1 / _OTHER_UNIT < ratio < _OTHER_UNIT:
+            raise InputError(
+                f"{path}: {name} is {ratio:.3g} times that of the simulator (RMS over the records): its parameters and"
+                " the records are in different units; channels are in m, N, s, and A or V"
+            )
+        if model.rig == "frame" and name == "force_N" and alike < _REVERSED:
+            raise InputError(
+                f"{path}: {name} has the sign opposite to the simulator's (correlation {alike:.2f}): turn it, or the"
+                " ground's; it is positive while the second floor of damper_between moves away from the first"
+            )
 
 
 def _baseline(path: Path, data: Mapping[str, Any], names: Sequence[str]) -> tuple[str, ...]:

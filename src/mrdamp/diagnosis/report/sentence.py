@@ -153,7 +153,9 @@ def _unknown(d: Diagnosis) -> str:
             f" {percent(d.outside['nearest_gap'])}. A cause outside the catalogue has probability"
             f" {d.probabilities.get('unknown', 0.0):.2f}."
         )
-    stage = max(d.where.stages, key=lambda s: d.where.stages[s])
+    stage, *others = sorted(d.where.stages, key=lambda s: -d.where.stages[s])
+    next_one = max((d.where.stages[s] for s in others), default=0.0)
+    leads = d.question != "missed" and d.where.stages[stage] > 1.2 * next_one
     apart = next((row for row in d.compared if row["unexplained"]), None)
     alone = g.nominal if d.baseline_law is None else float(d.baseline_law["gap"])
     unchanged = "unchanged" if d.baseline_law is None else "with the law of the baseline and no effect"
@@ -188,7 +190,7 @@ def _unknown(d: Diagnosis) -> str:
     return (
         f"No cause in the catalogue is established for the gap of {percent(g.nominal)}"
         f"{f'; the first candidate is {first}' if first else ''}."
-        f"{'' if d.question == 'missed' else f' The most probable stage is {stage}.'}"
+        f"{f' The most probable stage is {stage}.' if leads else ''}"
         f" {handed[0].upper()}{handed[1:]}.{_rest(d)}"
     )
 
