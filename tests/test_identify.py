@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+import mrdamp
 from excitation import random_steps, sine
 from laboratory import TRUE, identifiable, rig_tests
 from modules import CASES, needs
@@ -283,6 +284,21 @@ def test_held_out_records_that_are_faster_than_all_fitted_ones_are_told() -> Non
     lines = [line for line in findings(fit, [slow], [same, fast]) if "extrapolation" in line]
     assert len(lines) == 1
     assert lines[0].startswith("sine_3.0: held out with speeds up to 0.188 m/s, fitted up to 0.0628")
+
+
+def test_any_effect_is_fitted_along_by_its_name(tmp_path: Path) -> None:
+    """12 kg beyond the damper, added to the force of SciPy's integrator."""
+    for part in ("train", "validation"):
+        (tmp_path / part).mkdir()
+    for k, r in enumerate(rig_tests("bingham", duration=2.0)):
+        force = r.channel("force_N") + 12 * np.gradient(r.velocity(), r.sample_time)
+        r.with_channels({"force_N": force}).save(tmp_path / ("validation" if k == 4 else "train") / f"{r.name}.csv")
+    fit = mrdamp.identify(tmp_path, "bingham", extras=["moving_mass"], starts=1)
+    assert [e.name for e in fit.model.effects] == ["moving_mass"]
+    assert fit.model.attributes["moving_mass_m"] == pytest.approx(12, rel=0.05)
+    assert fit.held_out_nrmse < 0.02
+    refuses(lambda: mrdamp.identify(tmp_path, "bingham", extras=["ghost"]), "allowed: auto, offset, .*, seal_friction")
+    refuses(lambda: mrdamp.identify(tmp_path, "bingham", extras=["auto", "backlash"]), "finds the effects itself")
 
 
 @pytest.mark.slow
