@@ -266,8 +266,9 @@ def of_dampers(first: int, energy: int | None = None) -> tuple[tuple[Part, ...],
 class Score:
     """Rewards of n rows, and their totals since each row's start.
 
-    values (n, ...) are its whole state: the reference; the sums and peaks so far, peaks over the reference's where
-    there is one; periods so far, and of the load. NAMES: columns of `info`, the parts of the reward first.
+    values (n, ...) are its whole state, a view of columns: the reference; the sums and peaks so far, peaks over the
+    reference's where there is one; periods so far, and of the load. NAMES: columns of `info`, the parts of the reward
+    first.
     """
 
     def __init__(self, weights: Weights, n: int) -> None:
@@ -276,7 +277,7 @@ class Score:
         self._first = weights.references
         kept = dict.fromkeys((t.column, t.over if t.how == "peak" else None, t.how == "peak") for t in weights.totals)
         self._kept = {key: self._first + k for k, key in enumerate(kept)}
-        self.values = np.ones((n, self._first + len(kept) + 2))
+        self.values = np.ones((self._first + len(kept) + 2, n)).T
         self._signs: list[float] = weights.signed.tolist()
         self._parts = np.zeros(len(self._signs))
 
@@ -315,11 +316,12 @@ class Score:
 
     def of(self, period: Array) -> tuple[Array, Array]:
         """Rewards (n,) of a control period from its results (n, columns), and the columns of `info`, (n, names)."""
-        values = list(self.values.T)
-        parts, totals = self._run(period.T, values, np.maximum, np.sqrt)
-        self.values = np.stack(values, axis=1)
-        info = np.stack([*parts, *totals], axis=1)
-        return np.add.reduce(info[:, : len(parts)], axis=1), info
+        columns = self.values.T
+        values = list(columns)
+        parts, totals = self._run(np.ascontiguousarray(period.T), values, np.maximum, np.sqrt)
+        columns[self._first :] = values[self._first :]
+        info = np.array([*parts, *totals])
+        return np.add.reduce(info[: len(parts)], axis=0), info.T
 
     def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
         """`of` a single row in plain numbers, bit-identical, and its `info` by name."""
