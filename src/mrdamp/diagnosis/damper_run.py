@@ -47,7 +47,8 @@ _FAR_OFF = 0.02
 def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | None) -> Searched:
     """Completed search of a damper's case. Raises InputError."""
     asked, (case, left) = case.records, within(case)
-    rig = DamperRig(case.model, case.records, threads=jobs).with_motion()
+    how: dict[str, Any] = {"threads": jobs, "settled": bool(case.baseline)}
+    rig = DamperRig(case.model, case.records, **how).with_motion()
     notes = list(audit(case))
     notes += [f"{name}: {how}: the baseline says nothing of a change there" for name, how in left.items()]
     noise, unsteady = channel_noise(case, rig)
@@ -55,7 +56,7 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     again = law_of_baseline(case, rig, noise, progress, asked)
     if again is not None:
         case = replace(case, model=again.model)
-        rig = DamperRig(again.model, case.records, threads=jobs).with_motion()
+        rig = DamperRig(again.model, case.records, **how).with_motion()
         notes.append(again.note())
     progress("comparing channels that see the same thing", 0.01)
     shared, moved = _compared(rig, case.records)
@@ -72,12 +73,12 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     # What channels of the baseline show as well is no change.
     own = {c.cause: c.nats for pair in _compared(rig, case.baseline) for c in pair} if case.baseline else {}
     direct = {c.cause: max(c.nats - own.get(c.cause, 0.0), 0.0) for c in channels if c.cause is not None}
-    how: dict[str, Any] = {"direct": direct, "missed": case.question == "missed", "base": base, "limits": limits}
-    search, floor = begun(rig, noise, **how)
+    given: dict[str, Any] = {"direct": direct, "missed": case.question == "missed", "base": base, "limits": limits}
+    search, floor = begun(rig, noise, **given)
     ends = frozenset(search.base.at_bounds)
     if ends and search.unexplained(search.base) < _FAR_OFF:
         rig = replace(rig, wider=ends)
-        search, floor = begun(rig, noise, **how)
+        search, floor = begun(rig, noise, **given)
     known = [t for t in rig.terms if t.name in rig.known]
     late = [
         replace(c.term, starts=(tuple(c.settings[q.name] for q in c.term.coordinates),))

@@ -69,7 +69,8 @@ class DamperRig(Simulator):
     twice. threads: number of simulations in parallel. wider: names of nominal parameters with a wider range.
     spans: ranges of the whole records if these are excerpts. step: s, of the chain in a search. as_logged:
     the motion is used with its noise, as `mrdamp predict` does. known: terms by name, with settings known
-    from channels of one quantity; only small changes of these are fitted.
+    from channels of one quantity; only small changes of these are fitted. settled: effects of the simulator are not
+    free with its law, as a baseline shows them: what has changed may be one of them.
     """
 
     records: tuple[Record, ...]
@@ -81,6 +82,7 @@ class DamperRig(Simulator):
     as_logged: bool = False
     known: Mapping[str, Settings] = field(default_factory=dict)
     leads: tuple[Lead, ...] = ()
+    settled: bool = False
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -161,7 +163,8 @@ class DamperRig(Simulator):
 
     @cached_property
     def nominal(self) -> tuple[Coordinate, ...]:
-        return self.numbers(self._catalogue, self.records, _WIDER, self.wider.__contains__)
+        effects = () if self.settled else self._catalogue
+        return self.numbers(effects, self.records, _WIDER, self.wider.__contains__)
 
     @cached_property
     def _catalogue(self) -> tuple[Term, ...]:
