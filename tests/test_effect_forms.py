@@ -239,7 +239,7 @@ def test_a_filtered_displacement_is_taken_back(tau: float, width: float) -> None
     speed = 0.01 * OMEGA * np.cos(OMEGA * T)
     expected = 950 * speed + 250 * np.tanh(speed / 0.004)
     without = core.run("bingham", BINGHAM, DT, read, read_speed, u=0.5)["force"]
-    inner = slice(5, -5)
+    inner = slice(20, -20)
     assert rms((found - expected)[inner]) < 2e-3 * rms(expected)
     assert rms((without - expected)[inner]) > 10 * rms((found - expected)[inner])
 

@@ -20,22 +20,30 @@ inline Real Recorded(const Params& p, Real x, Real v, Real a) {
   return x - (d + tau) * v + (d * (0.5 * d + tau) + tau * tau + width * width / 24) * a;
 }
 
-// The true motion of what the channel reads: filter and average taken back from the 3 n numbers x, v, a.
-inline void Unfilter(double tau, double width, double dt, int n, double* x, double* v, double* a) {
-  const double bend = width * width / 24;
-  for (int i = 0; i < n; i++) x[i] += tau * v[i] - bend * a[i];
+// Takes a centred average over `width` back from n samples, to fourth order: what it has erased is not differentiated.
+// spare: n.
+inline void Sharpen(double width, double dt, int n, double* y, double* spare) {
+  const int span = width > 6 * dt ? static_cast<int>(0.25 * width / dt + 0.5) : 1;
+  const double share = width * width / (24 * span * span * dt * dt);
   for (int i = 0; i < n; i++) {
-    const int before = i > 0 ? i - 1 : 0, after = i < n - 1 ? i + 1 : n - 1;
-    const double jerk = after > before ? (a[after] - a[before]) / ((after - before) * dt) : 0;
-    v[i] += tau * a[i] - bend * jerk;
+    const int low = i > span ? i - span : 0, high = i + span < n ? i + span : n - 1;
+    const bool inside = high - i == i - low;
+    spare[i] = y[i] - (inside ? share * (y[high] - 2 * y[i] + y[low]) : 0);
   }
+  for (int i = 0; i < n; i++) y[i] = spare[i];
+}
+
+// Takes a low-pass of time constant tau back from n samples of a motion.
+inline void Hasten(double tau, double dt, int n, double* x, double* v, double* a) {
+  for (int i = 0; i < n; i++) x[i] += tau * v[i];
+  for (int i = 0; i < n; i++) v[i] += tau * a[i];
   for (int i = 0; i < n; i++) {
     const int before = i > 0 ? i - 1 : 0, after = i < n - 1 ? i + 1 : n - 1;
     if (after > before) a[i] = (v[after] - v[before]) / ((after - before) * dt);
   }
 }
 
-// The true motion x_true(t) = x_read(t + d), by cubic Hermite pieces, in the 3 n numbers of `store`, which the lane then
+// The true motion x_true(t) = x_read(t + d), by cubic Hermite pieces, in the 4 n numbers of `store`, which the lane then
 // has. Beyond its ends the motion goes on at its velocity: to stand still there would be a jump.
 inline void TakeBack(double d, double tau, double width, double dt, double* store, MrdampLane* lane) {
   const int n = lane->n;
@@ -53,7 +61,10 @@ inline void TakeBack(double d, double tau, double width, double dt, double* stor
     if (beyond != 0) x[i] += beyond * dt * v[i];
     a[i] = beyond != 0 ? 0 : lane->a[k] + w * (lane->a[k + 1] - lane->a[k]);
   }
-  if (tau > 0 || width > 0) Unfilter(tau, width, dt, n, x, v, a);
+  if (width > 0) {
+    for (int k = 0; k < 3; k++) Sharpen(width, dt, n, store + k * n, a + n);
+  }
+  if (tau > 0) Hasten(tau, dt, n, x, v, a);
   lane->x = x;
   lane->v = v;
   lane->a = a;

@@ -87,8 +87,10 @@ def drive_rig(
         x, v = path(moved) + path(moved, 1) * beyond, path(moved, 1)
         a = np.interp(moved, t, a) * (beyond == 0)
     tau, width = (model.attributes.get(f"motion_lag_{name}", 0.0) for name in ("tau", "width"))
-    if tau or width:
-        x, v = x + tau * v - width**2 / 24 * a, v + tau * a - width**2 / 24 * np.gradient(a, dt)
+    if width:
+        x, v, a = (y - width**2 / 24 * np.gradient(np.gradient(y, dt), dt) for y in (x, v, a))
+    if tau:
+        x, v = x + tau * v, v + tau * a
         a = np.gradient(v, dt)
     fine = dt / inner * np.arange((n - 1) * inner + 1)
     rod, rod_velocity = _straight(x, v, dt, inner)
