@@ -68,7 +68,8 @@ def reduced(case: Case, found: Sequence[Block] = (), threads: int = 1) -> tuple[
     clean = frozenset(b.name for b in found if b.clean)
     quiet = len(clean) == len(found)
     sharp = frozenset(b.name for b in found if b.clean and b.noise < _SHARP)
-    rig = FrameRig(case.model, case.records, block, clean, sharp, quiet=quiet, threads=threads)
+    settled = bool(case.baseline)
+    rig = FrameRig(case.model, case.records, block, clean, sharp, quiet=quiet, threads=threads, settled=settled)
     repeats = tuple((averaged(r, block), k) for r, k in case.repeats)
     return replace(case, records=tuple(averaged(r, block) for r in case.records), repeats=repeats), rig
 

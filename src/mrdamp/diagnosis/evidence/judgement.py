@@ -158,7 +158,8 @@ def never_worse(
         if decision.verdict == "effect":
             left = min(left, search.left_out_cost(chosen) / float(before @ before))
             most = 1.0 if any(search.direct.get(cause) for cause in decision.chosen.causes) else most
-            if chosen.hypothesis.nominal and search.own:
+            placed = any("@" in cause for cause in decision.chosen.causes)  # a structure's free numbers over again
+            if chosen.hypothesis.nominal and search.own and not placed:
                 law = float(search.law_alone @ search.law_alone)
                 left = left if search.left_out_cost(chosen) < law else np.inf
         models = (problem.rig.model(f.settings) for f in (final.fit, nominal))

@@ -57,8 +57,8 @@ class FrameRig(Simulator):
     no cause is sought. sharp: those of them whose noise is so small that a sensor's fault would show. quiet: no
     block is known to be faulty, so that any fault is small; storeys are then searched as well, since resonance in
     a free run shows faults below the noise of a storey's balance. free_structure: the structural parameters are
-    free together with the nominal ones. placed: only causes with a place are sought. coarse_step: s, inner step
-    of the chain in a search; jump_step: the same for records whose command
+    free together with the nominal ones. settled: as of a damper. placed: only causes with a place are sought.
+    coarse_step: s, inner step of the chain in a search; jump_step: the same for records whose command
     jumps. threads: number of simulations in parallel. as_logged: all records are compared without averaging.
     """
 
@@ -67,6 +67,7 @@ class FrameRig(Simulator):
     clean: frozenset[str] = frozenset()
     sharp: frozenset[str] = frozenset()
     free_structure: bool = False
+    settled: bool = False
     placed: bool = False
     quiet: bool = False
     coarse_step: float = COARSE
@@ -161,7 +162,8 @@ class FrameRig(Simulator):
     def nominal(self) -> tuple[Coordinate, ...]:
         """The nominal parameters, then the structural ones if they are free."""
         # At small drifts a frame's response depends little on some parameters, which may then be far off.
-        numbers = self.numbers(self.catalogue, self.records, _WIDER, lambda name: name != "n")
+        effects = () if self.settled else self.catalogue
+        numbers = self.numbers(effects, self.records, _WIDER, lambda name: name != "n")
         return (*numbers, *(structure_coordinates(self.structure) if self.free_structure else ()))
 
     @cached_property
