@@ -64,12 +64,13 @@ LOOPS: Mapping[str, frozenset[str]] = {
     "hyperbolic_tangent": frozenset({"seal_friction"}),
 }
 #: Effects with nearly the same signature in every test; neither is evidence against the other. Delay and lag
-#: overlap by .90 to .98 in nearly all records; a stiff spring and a small clearance, and a preload and an
-#: offset, are the other pairs.
+#: overlap by .90 to .98 in nearly all records; a stiff spring and a small clearance, a preload and an offset, and a
+#: displacement that is late or filtered are the other pairs.
 TIED_BY_NATURE = (
     frozenset({"driver_lag", "command_delay"}),
     frozenset({"mount_compliance", "backlash"}),
     frozenset({"gas_spring", "sensor_offset"}),
+    frozenset({"channel_shift", "motion_lag"}),
 )
 #: If a model of the same inputs predicts more than this share of the residual on left-out records, the
 #: residual is an error of the law.
