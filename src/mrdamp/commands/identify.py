@@ -154,6 +154,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     if a.law == "narx":
         for flag, value in (
             ("--by-command", a.by_command),
+            ("--extras", a.extras != ["offset"]),
             ("--intervals", a.intervals),
             ("--dependence", a.dependence),
             ("--follows", a.follows),
