@@ -6,6 +6,7 @@ Records are written out in NumPy and SciPy, with noise, by forces that the nomin
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -182,6 +183,18 @@ def test_the_measured_current_is_compared_with_the_command() -> None:
     assert [c.cause for c in found] == ["driver_lag"]
     assert found[0].settings is not None
     assert found[0].settings["driver_lag_tau"] == pytest.approx(0.03, rel=0.05)
+
+
+@pytest.mark.slow
+def test_an_effect_of_the_simulator_that_has_grown_is_named() -> None:
+    """A spring of 3,000 N/m that the simulator has is 9,000 N/m now."""
+    known = Effect("gas_spring", {"f0": 25.0, "k": 3000.0})
+    baseline = tuple(replace(r, name=f"baseline_{r.name}") for r in records(50, spring=3000.0))
+    found = diagnose(Case("rig", Path(), model(known), records(0, spring=9000.0), (), baseline))
+    assert [e.effect for e in found.effects] == ["gas_spring"]
+    # The loop that this law lacks is a spring of some hundred N/m too.
+    assert found.effects[0].parameters["k"] == pytest.approx(9000.0, rel=0.15)
+    assert [e.name for e in found.corrected.effects] == ["gas_spring"]
 
 
 @pytest.mark.slow
