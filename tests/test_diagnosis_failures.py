@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -142,6 +143,9 @@ def test_frame_records_that_are_not_as_they_should_be_are_told_of() -> None:
     assert told[0] == []
     assert len(told[1]) == 1
     assert "begins in motion" in told[1][0]
+    bare = {k: v for k, v in sound.channels.items() if not k.endswith("displacement_m")}
+    felt = [Record("felt", None, DT, bare), Record("felt", None, DT, bare).part(1.0, 2.4)]
+    assert [len(list(of_frame([r]))) for r in felt] == [0, 1]  # by accelerations alone
     for changed in (absolute, relative):
         found = list(of_frame([sound.with_channels(changed)]))
         assert [line.split(": ")[1] for line in found] == floors
@@ -149,6 +153,28 @@ def test_frame_records_that_are_not_as_they_should_be_are_told_of() -> None:
     check_frame_sign(sound, (0, 1))
     turned = sound.with_channels({"force_N": -np.asarray(sound.channel("force_N"))})
     refuses(lambda: check_frame_sign(turned, (0, 1)), "steps: force_N: the damper would drive the rig")
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "told"),
+    [
+        ("force_N", -1.0, "mrdamp: {out}: force_N has the sign opposite to the simulator's"),
+        ("floor2_acceleration_m_s2", 1e3, "mrdamp: {out}: floor2_acceleration_m_s2 is .* times that of the simulator"),
+        ("floor2_acceleration_m_s2", 9.81, "check: floor2_acceleration_m_s2 is .* times that of the simulator"),
+        ("ground_acceleration_m_s2", 0.0, "the simulator's .* is 0 with the inputs of the records"),
+    ],
+)
+def test_a_frames_channels_are_held_against_its_simulator(
+    channel: str, factor: float, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = {k: v for k, v in records()["steps"].channels.items() if not k.endswith("displacement_m")}
+    Record("steps", None, DT, kept | {channel: factor * kept[channel]}).save(tmp_path / "steps.csv")
+    believed().write(tmp_path / "frame.json")
+    out = tmp_path / "case"
+    failed = cli.main(["case", str(tmp_path / "frame.json"), str(tmp_path / "steps.csv"), "-o", str(out)])
+    said = "".join(capsys.readouterr())
+    assert re.search(told.format(out=re.escape(str(out))), said)
+    assert out.exists() == (failed == 0) == told.startswith("check")
 
 
 def test_channels_that_a_case_leaves_out_are_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

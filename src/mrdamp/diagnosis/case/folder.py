@@ -111,6 +111,8 @@ def against(model: Model, records: Sequence[Record]) -> dict[str, tuple[float, f
 def _check_against(path: Path, model: Model, records: Sequence[Record]) -> None:
     """Raises InputError where a channel and the simulator differ as units do (kN, mm, mA: by 1000), or as signs do."""
     for name, (ratio, alike) in against(model, records).items():
+        if np.isnan(ratio):
+            raise InputError(f"{path}: the simulator's {name} is no number with the inputs of the records")
         if not 1e-9 < ratio < 1e9:
             of = f"{name} is 0" if ratio < 1 else f"the simulator's {name} is 0 with the inputs of the records"
             raise InputError(f"{path}: {of}: nothing can be compared")
