@@ -62,6 +62,16 @@ def test_resonances_beyond_what_is_sampled_are_left_out() -> None:
     assert names[0] - names[1] == {"moving_mass:in two clamps"}
 
 
+@pytest.mark.parametrize(("power", "other"), [(0.5, False), (0.64, False), (0.95, True)])
+def test_a_thinning_that_is_the_same_at_all_speeds_is_a_viscosity(power: float, other: bool) -> None:
+    """Far above its knee it is v^(m - 1): from half to twice a speed 4^(m - 1) is .50, .61 and .93."""
+    terms = [t for t in damper_terms(Sizes(800.0, 0.01, 0.1, 2.0, 2.0, 300.0, 0.001)) if t.effect == "shear_thinning"]
+    assert len(terms) == 2
+    for term in terms:
+        assert term.is_other is not None
+        assert term.is_other({"shear_thinning_m": power, "shear_thinning_v_s": 1e-5}) is other
+
+
 @pytest.mark.parametrize(("wobble", "shown"), [(0.014, False), (0.2, True)])
 def test_a_command_that_hardly_changes_shows_nothing_of_what_acts_while_it_changes(
     wobble: float, shown: bool
