@@ -231,14 +231,15 @@ def test_a_late_reading_goes_on_beyond_the_record() -> None:
 
 @pytest.mark.parametrize(("tau", "width"), [(0.008, 0.0), (0.0, 0.03), (0.005, 0.02)])
 def test_a_filtered_displacement_is_taken_back(tau: float, width: float) -> None:
-    """A sine through a low-pass and an average, by their transfer functions: the force is that of the sine itself."""
+    """A sine through a low-pass and an average, by their transfer functions: the force is that of the sine itself, of
+    its velocity, displacement and acceleration."""
     gain = np.sinc(OMEGA * width / (2 * np.pi)) / (1 + 1j * OMEGA * tau)
     read, read_speed = (0.01 * np.imag(factor * gain * np.exp(1j * OMEGA * T)) for factor in (1, 1j * OMEGA))
     lag = {"motion_lag_tau": tau, "motion_lag_width": width}
-    found = core.run("bingham", {**BINGHAM, **lag}, DT, read, read_speed, u=0.5)["force"]
-    speed = 0.01 * OMEGA * np.cos(OMEGA * T)
-    expected = 950 * speed + 250 * np.tanh(speed / 0.004)
-    without = core.run("bingham", BINGHAM, DT, read, read_speed, u=0.5)["force"]
+    whole, motion = {**BINGHAM, "gas_spring_k": 4e4, "moving_mass_m": 5.0}, (DT, read, read_speed)
+    found, without = (core.run("bingham", {**whole, **more}, *motion, u=0.5)["force"] for more in (lag, {}))
+    speed, place = 0.01 * OMEGA * np.cos(OMEGA * T), 0.01 * np.sin(OMEGA * T)
+    expected = 950 * speed + 250 * np.tanh(speed / 0.004) + (4e4 - 5 * OMEGA**2) * place
     inner = slice(20, -20)
     assert rms((found - expected)[inner]) < 2e-3 * rms(expected)
     assert rms((without - expected)[inner]) > 10 * rms((found - expected)[inner])
