@@ -2,8 +2,9 @@
 
 Writes records and OUT/cases.json, a list for `shared/cases/natural.py` with OUT as its root. The rig: Bouc-Wen with
 n = 1.4, fields by tanh, and a yield displacement that grows by a quarter with the current, which no law here has; all
-records at once by Runge-Kutta in steps of 20 us; 500 Hz, 1 % noise of the force, 2 um of the displacement. Half of the
-cases ask what a simulator misses on the records that it was identified on, half what has changed since.
+records at once by Runge-Kutta in steps of 20 us; 500 Hz, 1 % noise of the force, 2 um of the displacement. Half of
+the cases ask what a simulator misses on the records that it was identified on, half what has changed since. Takes 6 GB
+of memory and three minutes.
 """
 
 from __future__ import annotations

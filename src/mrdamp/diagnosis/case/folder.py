@@ -24,7 +24,7 @@ _INPUTS = {"damper": DAMPER_INPUTS, "frame": FRAME_INPUTS}
 #: Simulated over measured force from which, or from the inverse of which, units differ.
 _OTHER_UNIT = 100.0
 #: Correlation of a frame's damper force with the simulator's from which its sign is the other one: whatever is wrong in
-#: it, a damper resists.
+#: it, a damper resists. Of 18 frames of other makers the least is .31.
 _REVERSED = -0.5
 #: Two tests have the same input if their inputs differ by at most this share of their RMS.
 _SAME = 0.02

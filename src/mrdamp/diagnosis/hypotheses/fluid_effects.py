@@ -15,7 +15,7 @@ def without_effect(settings: Settings) -> bool:
 
 
 #: Ratio of a viscosity at twice the RMS velocity to that at half of it, above which it does not thin: it is a wrong
-#: parameter. Named in 26 opened cases it has .34 to .61, and in one .83; in a rig whose viscosity had fallen, .94.
+#: parameter. Named in 31 opened cases it has .34 to .61, and in one .83; in a rig whose viscosity had fallen, .94.
 _UNTHINNED = 0.9
 
 
