@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 12 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 13 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -110,6 +110,11 @@ MRDAMP_API int mrdamp_run_records(int law, const mrdamp_narx* net, int nrecord, 
 /* The samples of the run-in of a record, from < to; from == to where it begins at rest. v as above. */
 MRDAMP_API int mrdamp_run_in(double dt, int n, const double* x, const double* v, const double* u, int* from, int* to, char* err,
                              int err_size);
+
+/* The motion x (m), v (m/s), a (m/s2), n samples each, that a channel with these attributes of channel_shift and motion_lag
+ * has recorded as x, v, a. */
+MRDAMP_API void mrdamp_true_motion(double shift_d, double lag_tau, double lag_width, double dt, int n, double* x, double* v,
+                                   double* a);
 
 /* ---- a shear frame with the damper in it ------------------------------------------- */
 typedef struct {

@@ -19,6 +19,7 @@ from mrdamp.diagnosis.answer import beside_given
 from mrdamp.diagnosis.attribution.frame_blocks import blocks
 from mrdamp.diagnosis.attribution.frame_damper import frame_baseline_law
 from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.constants import SECOND_CAUSE
 from mrdamp.diagnosis.evidence.changed import evidence_of_change, of_changes
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.verdict import Decision
@@ -152,7 +153,9 @@ def evidence(before: float, now: float, levels: bool = True) -> float:
 
 def test_a_cause_that_the_simulator_misses_on_the_baseline_too_is_no_change() -> None:
     assert evidence(0.0, 0.04) > 5
-    assert evidence(0.04, 0.04) < -5
+    assert evidence(0.04, 0.04) < SECOND_CAUSE
+    # A lag that the baseline shows too, and that has grown, is a change.
+    assert evidence(0.02, 0.06) > 5
     # At constant commands nobody can tell.
     assert abs(evidence(0.0, 0.04, levels=False)) < 0.5
 

@@ -11,6 +11,7 @@
 #include "core/frame.h"
 #include "core/packs.h"
 #include "core/record.h"
+#include "core/shift.h"
 #include "effects/sensor.h"
 #include "mrdamp.h"
 
@@ -42,7 +43,7 @@ bool Finite(const char* name, const double* a, int n, char* err, int size) {
 
 extern "C" {
 
-int mrdamp_abi(void) { return 12; }
+int mrdamp_abi(void) { return 13; }
 int mrdamp_attribute_count(void) { return kParamCount; }
 const char* mrdamp_attribute_name(int i) { return kAttributes[i].name; }
 const char* mrdamp_attribute_group(int i) { return kAttributes[i].group; }
@@ -174,6 +175,15 @@ int mrdamp_run_in(double dt, int n, const double* x, const double* v, const doub
   *from = found.from;
   *to = found.to;
   return 0;
+}
+
+void mrdamp_true_motion(double shift_d, double lag_tau, double lag_width, double dt, int n, double* x, double* v, double* a) {
+  std::vector<double> moved(4 * static_cast<std::size_t>(n));
+  MrdampLane lane{nullptr, n, x, v, a, nullptr, 0, 0, nullptr};
+  TakeBack(shift_d, lag_tau, lag_width, dt, moved.data(), &lane);
+  std::copy(lane.x, lane.x + n, x);
+  std::copy(lane.v, lane.v + n, v);
+  std::copy(lane.a, lane.a + n, a);
 }
 
 int mrdamp_run_frame(int law, const mrdamp_narx* net, int nset, const double* params, const mrdamp_frame* frames,

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.model.attributes import attributes, defaults
+from mrdamp.model.core import MISREADING
 
 if TYPE_CHECKING:
     from mrdamp.model.core import Sets
@@ -253,7 +254,7 @@ def _task(law: str, one: Sets, lead: slice | None, columns: Sequence[int]) -> Ta
     free = free_attributes(params)
     record = Records(0, len(x), len(columns), int(one.hold), begin, end, one.dt)
     inputs = (x, v, a, np.ascontiguousarray(one.u, dtype=float))
-    moved = any(number[name] in free for name in ("channel_shift_d", "motion_lag_tau", "motion_lag_width"))
+    moved = any(number[name] in free for name in MISREADING)
     params = np.ascontiguousarray(params[:, list(free)])
     return Task(law, free, params, inputs, np.array(columns, np.int32), record, moved)
 

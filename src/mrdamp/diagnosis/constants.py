@@ -22,7 +22,8 @@ STALL_GAIN = 5.0
 #: cells that the best fit leaves (`fits.left_out.ratio`): a cell that the simulator fits already has no say. The open
 #: cases have the same answers from .05 to .3.
 CELL_SCALE = 0.1
-#: Temperature of the stated probabilities: utilities are divided by it. The decision uses the utilities without it.
+#: Temperature of the stated probabilities: that of a set of causes is taken to the power 1 / TEMPER. The decision uses
+#: the probability without it.
 TEMPER = 1.3
 #: The verdict is "no gap" up to this multiple of the noise floor, if no cause is established.
 NONE_ABOVE = 1.75

@@ -321,7 +321,7 @@ def effects_from(attributes: Mapping[str, float]) -> tuple[Effect, ...]:
 
 def recorded(x: Array, dt: float, attributes: Mapping[str, float]) -> Array:
     """A displacement (n,), m, as its channel reads it: late (`channel_shift`), filtered or averaged (`motion_lag`)."""
-    shift, tau, width = (attributes.get(n, 0.0) for n in ("channel_shift_d", "motion_lag_tau", "motion_lag_width"))
+    shift, tau, width = (attributes.get(name, 0.0) for name in core.MISREADING)
     t = dt * np.arange(len(x))
     if tau > 0:  # exact for straight lines between samples
         decay = np.exp(-dt / tau)

@@ -17,7 +17,7 @@ from mrdamp.library import library_path, load_plugin
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 12
+_ABI = 13
 ERROR_SIZE = 400
 
 
@@ -120,6 +120,7 @@ def _entries() -> dict[str, tuple[Any, ...]]:
         "check": (whole, whole, double_p, *error),
         "run_records": (whole, whole, address, whole, p(Motions), whole, whole, whole, p(whole), *error),
         "run_in": (whole, real, whole, double_p, double_p, double_p, p(whole), p(whole), *error),
+        "true_motion": (None, real, real, real, real, whole, double_p, double_p, double_p),
         "run_frame": (
             whole, whole, address, whole, double_p, p(Frame), real, whole, double_p, double_p, p(Options), double_p,
             *error,

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from mrdamp.errors import InputError, diverged, require_kind, require_period, require_positive
 from mrdamp.model import Model, core, floor_channels
@@ -80,18 +79,7 @@ def drive_rig(
         v, a, u = (np.append(channel[before], channel) for channel in (v, a, u))
     n, inner = len(x), _steps(dt, largest_step)
     t = dt * np.arange(n)
-    shift = model.attributes.get("channel_shift_d", 0.0)
-    if shift:  # the displacement is read late or early: the rod moves as it really did
-        path, moved = CubicHermiteSpline(t, x, v), np.clip(t + shift, 0.0, t[-1])
-        beyond = t + shift - moved  # the record's ends; the motion continues at its velocity there
-        x, v = path(moved) + path(moved, 1) * beyond, path(moved, 1)
-        a = np.interp(moved, t, a) * (beyond == 0)
-    tau, width = (model.attributes.get(f"motion_lag_{name}", 0.0) for name in ("tau", "width"))
-    if width:
-        x, v, a = (y - width**2 / 24 * np.gradient(np.gradient(y, dt), dt) for y in (x, v, a))
-    if tau:
-        x, v = x + tau * v, v + tau * a
-        a = np.gradient(v, dt)
+    x, v, a = core.true_motion(model.attributes, dt, x, v, a)
     fine = dt / inner * np.arange((n - 1) * inner + 1)
     rod, rod_velocity = _straight(x, v, dt, inner)
     acceleration, command = np.interp(fine, t, a), between(u, inner, False, bool(model.hold))

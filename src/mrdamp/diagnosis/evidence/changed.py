@@ -1,16 +1,18 @@
 """Has a cause changed since the baseline, or does the simulator miss it there too? One law is fitted to both states
-together: with the cause in the case's records alone, and with it in all records."""
+together: with the cause in the case's records alone, in all records alike, and in all with another size in the case's.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import cast
 
 import numpy as np
 from scipy.special import expit
 
-from mrdamp.diagnosis.constants import EVIDENCE_GAIN, SECOND_CAUSE, TEMPER
+from mrdamp.diagnosis.constants import EVIDENCE_GAIN, NUMBER, SECOND_CAUSE, TEMPER
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.left_out import cells, folds, predicted, ratio
@@ -25,6 +27,8 @@ from mrdamp.records import Record
 _CHANGE = "changed "
 #: Iterations of each fit.
 _STEPS = 8
+#: How a cause acts: its terms in a fit to both states.
+_Acts = Callable[[Term], tuple[Term, ...]]
 
 
 @dataclass(frozen=True)
@@ -90,6 +94,18 @@ def _changed(term: Term) -> Term:
     return replace(term, coordinates=coordinates, fixed=fixed)
 
 
+def _new(term: Term) -> tuple[Term, ...]:
+    return (_changed(term),)
+
+
+def _missed(term: Term) -> tuple[Term, ...]:
+    return (term,)
+
+
+def _grown(term: Term) -> tuple[Term, ...]:
+    return (term, _changed(term))
+
+
 def since_baseline(search: Search, baseline: Problem | None, fits: Sequence[Fit], decision: Decision) -> Decision:
     """The decision with the probability of each named cause times that of a change.
 
@@ -124,27 +140,40 @@ def evidence_of_change(
 ) -> dict[str, float]:
     """Evidence (nats), by cause of a fit, that it has changed over that it is missed in both states.
 
-    All hypotheses have the same parameters: one law with free ones (`nominal`), and the causes. They are compared by
-    what each predicts of left-out records, in the mean over the cells of each state. baseline: residuals of the
-    baseline's records.
+    All hypotheses have one law with free parameters (`nominal`) and the causes, and are compared by what each predicts
+    of left-out records, in the mean over the cells of each state. A cause that has grown costs NUMBER for each of its
+    parameters more than one that is new. Beside a cause that is missed the others are judged with it in both states.
+    baseline: residuals of the baseline's records.
     """
     problem = Problem(cast(Rig, BothStates(case.rig, baseline.rig)), stride=case.stride, coarse=True)
     first = len(case.rig.records)
     of_case = np.concatenate([np.full(b.span.stop - b.span.start, b.record < first) for b in problem.blocks])
     cell, left, terms = cells(problem), folds(problem), found.hypothesis.terms
-    start = np.concatenate([found.point if found.hypothesis.nominal else np.zeros(len(nominal)), found.point])
-    start = start[: len(nominal) + sum(len(t.coordinates) for t in terms)]
+    law, own = np.split(found.point, [len(found.hypothesis.nominal)])
+    law = law if len(law) else np.zeros(len(nominal))
+    points = np.split(own, np.cumsum([len(t.coordinates) for t in terms])[:-1])
+    states = [(of, np.unique(cell[of], return_inverse=True)[1]) for of in (of_case, ~of_case)]
 
-    def fitted(missed: str) -> Fit:
-        some = tuple(t if t.cause == missed else _changed(t) for t in terms)
-        return fit(problem, Hypothesis(nominal, some), start, most=_STEPS)
+    @cache
+    def fitted(how: tuple[_Acts, ...]) -> tuple[Fit, Array]:
+        """The fit with causes that act so, and its left-out residuals (samples,)."""
+        parts = [(made, q) for t, q, acts in zip(terms, points, how, strict=True) for made in acts(t)]
+        start = np.concatenate([law, *(q for _, q in parts)])
+        made = fit(problem, Hypothesis(nominal, tuple(t for t, _ in parts)), start, most=_STEPS)
+        return made, predicted(problem, made, left)
 
-    changed, out = fitted(""), {}
-    apart = predicted(problem, changed, left)
-    for cause in found.hypothesis.causes:
-        missed = fitted(cause)
-        both, best = predicted(problem, missed, left), min(changed, missed, key=lambda f: f.cost).residual
-        states = [(of, np.unique(cell[of], return_inverse=True)[1]) for of in (of_case, ~of_case)]
-        ratios = [ratio(apart[of], both[of], numbers, best[of]) for of, numbers in states]
-        out[cause] = -EVIDENCE_GAIN * float(np.sum(np.log(ratios)))
-    return out
+    def evidence(place: int, how: tuple[_Acts, ...]) -> float:
+        tried = [fitted((*how[:place], acts, *how[place + 1 :])) for acts in (_new, _grown, _missed)]
+        best = min((f for f, _ in tried), key=lambda f: f.cost).residual
+        *changed, missed = (residual for _, residual in tried)
+        nats = [
+            -EVIDENCE_GAIN * sum(np.log(ratio(one[of], missed[of], numbers, best[of])) for of, numbers in states)
+            for one in changed
+        ]
+        return float(max(nats[0], nats[1] - NUMBER * len(terms[place].coordinates)))
+
+    how = (_new,) * len(terms)
+    nats = [evidence(place, how) for place in range(len(terms))]
+    how = tuple(_missed if n < 0 else _new for n in nats)
+    nats = [evidence(place, how) for place in range(len(terms))]
+    return {t.cause: n for t, n in zip(terms, nats, strict=True)}

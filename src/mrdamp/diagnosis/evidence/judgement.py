@@ -18,6 +18,7 @@ from mrdamp.diagnosis.evidence.verdict import (
     by_causes,
     decide,
     lapse_of,
+    no_gap,
     of_fit,
     of_parameters,
     with_lapse,
@@ -99,7 +100,9 @@ def stated(
     search: Search, decision: Decision, fits: Sequence[Fit], regimes: Mapping[str, Sequence[RegimeEstimate]]
 ) -> dict[Causes, float]:
     """Probabilities of the sets of causes as stated, with the lapse, largest first. regimes: of each named cause."""
-    known = {(): 1.0} if decision.verdict == "none" else by_causes(scored(fits), decision.probabilities)
+    known = by_causes(scored(fits), decision.probabilities)
+    if decision.verdict == "none":  # of wrong parameters nothing shows either
+        known[()] += known.pop(("parameters",), 0.0)
     sets = {causes: p * (1 - decision.unknown) for causes, p in known.items()} | {("unknown",): decision.unknown}
     sets = dict(sorted(sets.items(), key=lambda item: (-item[1], item[0])))
     worse = any(r.worse for estimates in regimes.values() for r in estimates)
@@ -125,7 +128,7 @@ def likely(
         against = beside_none(search.nominal_cost, max(search.own, decision.floor if search.steady else 0.0))
         if against is None:
             return not_established(decision)
-        return replace(unchanged(decision, fits), verdict="none", unknown=against)
+        return no_gap(decision, scored(fits), against)
     alike = [k for k, f in enumerate(fits) if set(f.hypothesis.causes) == named]
     if named == causes or not alike:
         return decision

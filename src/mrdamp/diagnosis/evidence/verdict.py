@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -72,9 +72,8 @@ def decide(
 ) -> Decision:
     """The verdict over fits, one of which is the nominal simulator (no causes, not free).
 
-    floor: cost of the noise. rivals: fits of causes outside the catalogue; if one of them has more evidence
-    than all sets of the catalogue, the answer is `unknown` and the chosen fit is the catalogue's best. It is named as
-    a hint if it leaves no more than that.
+    floor: cost of the noise. rivals: fits of causes outside the catalogue; if those that leave no more than the
+    catalogue's best have more evidence than all its sets, the answer is `unknown` and the most probable one a hint.
     steady: False if two runs of one test differ by more than their noise, which neither `none` nor
     `parameters` explains. own: cost of the nominal simulator on the rig's baseline, if there is one; a gap
     up to this size is none.
@@ -87,48 +86,65 @@ def decide(
     law = next((f for f in fits if f.free and not f.causes), None)
     free = of_parameters(law, baseline=own > 0)
     scores = np.array([of_fit(f, free) for f in fits])
-    other = np.array([of_fit(f, free) for f in rivals]) - OUTSIDE_PENALTY
-    probabilities = tuple(float(p) for p in softmax(scores))
     # The answer is the most probable set of causes over all its forms, in its best form.
-    known = by_causes(fits, probabilities)
+    known = by_causes(fits, [float(p) for p in softmax(scores)])
     found = standing(known)
     named = found is not None and found.probability > 0.5
     likely = _fitted_with(known, found.causes) if found is not None and named else _without_cause(known)
     chosen = fits[max((k for k, f in enumerate(fits) if _named(f) == likely), key=lambda k: float(scores[k]))]
     left = max(chosen.cost - floor, 0.0) / excess if chosen.causes or chosen.free else 1.0
-    unknown = probabilities[fits.index(nominal)]
+    # A rival with the larger error is no better explanation.
+    rivals = [r for r in rivals if r.cost <= chosen.cost]
+    other = np.array([of_fit(f, free) for f in rivals]) - OUTSIDE_PENALTY
+    shares, place = softmax(np.concatenate([scores, other])), fits.index(nominal)
+    rival = float(np.sum(shares[len(fits) :]))
+    outside = rivals[int(np.argmax(other))].index if rival > 0.5 else None
+    least = 0.0  # probability of an unknown cause, beside a rival, if none is named
     if not chosen.causes:
-        unknown = max(unknown, beyond(left) if chosen.free and steady else UNSTEADY)
-    outside = None
-    if len(other):
-        mass = float(np.sum(np.exp(other - scores.max())))
-        rival = mass / (mass + float(np.sum(np.exp(scores - scores.max()))))
-        unknown = rival + (1 - rival) * unknown
-        nearest = rivals[int(np.argmax(other))]
-        if rival > 0.5 and nearest.cost <= chosen.cost:
-            outside = nearest.index
+        least = rival + (1 - rival) * (beyond(left) if chosen.free and steady else UNSTEADY)
     verdict = "unknown"
-    if outside is None and unknown <= 0.5:
+    if outside is None and max(rival + float(shares[place]), least) <= 0.5:
         verdict = "effect" if chosen.causes else "parameters"
+    stated = _tempered(shares, [*map(_named, fits), *(("outside",) for _ in rivals)])[: len(fits)]
+    beside = 1 - float(stated.sum() - stated[place])
+    stated[place] = 0.0
+    probabilities = tuple(float(p) for p in stated / max(stated.sum(), 1e-300))
+    decision = Decision(verdict, chosen, probabilities, left, floor, excess, beside, outside, found)
     against = beside_none(nominal.cost, max(own, floor if steady else 0.0))
     if verdict != "effect" and outside is None and against is not None:
-        return Decision("none", nominal, probabilities, 1.0, floor, excess, against)
-    stated, beside = _stated(scores, other, fits.index(nominal))
-    unknown = beside if chosen.causes else max(beside, unknown)
-    return Decision(verdict, chosen, stated, left, floor, excess, unknown, outside, found)
+        return no_gap(decision, fits, against)
+    return replace(decision, unknown=max(beside, least))
 
 
-def _stated(scores: Array, other: Array, nominal: int) -> tuple[tuple[float, ...], float]:
-    """Stated probabilities of the fits and of an unknown cause, from tempered utilities of fits and rivals.
+def _tempered(shares: Array, sets: Sequence[tuple[str, ...]]) -> Array:
+    """Probabilities (fits,) of which the sums over each set of causes are tempered.
 
-    The nominal simulator (index `nominal`) is excluded. Source: Guo et al. (2017), On calibration of modern
-    neural networks (temperature scaling).
+    Source: Guo et al. (2017), On calibration of modern neural networks (temperature scaling).
     """
-    stated = softmax(np.concatenate([scores, other]) / TEMPER)
-    unknown = float(stated[nominal] + np.sum(stated[len(scores) :]))
-    own = stated[: len(scores)].copy()
-    own[nominal] = 0.0
-    return tuple(float(p) for p in own / max(own.sum(), 1e-300)), unknown
+    total: dict[tuple[str, ...], float] = {}
+    for causes, p in zip(sets, shares, strict=True):
+        total[causes] = total.get(causes, 0.0) + float(p)
+    out = shares * np.array([max(total[causes], 1e-300) ** (1 / TEMPER - 1) for causes in sets])
+    return np.asarray(out / out.sum())
+
+
+def no_gap(decision: Decision, fits: Sequence[Scored], against: float) -> Decision:
+    """The decision that there is no gap. Causes keep their probabilities, the nominal simulator has the rest.
+
+    against: probability of an unknown cause in place of none."""
+    shares = (1 - decision.unknown) * np.array(decision.probabilities)
+    place = next(k for k, f in enumerate(fits) if not f.causes and not f.free)
+    shares[place] += 1 - shares.sum()
+    nominal, stated = replace(fits[place], index=place), tuple(map(float, shares))
+    return replace(
+        decision,
+        verdict="none",
+        chosen=nominal,
+        probabilities=stated,
+        unexplained=1.0,
+        unknown=against,
+        standing=None,
+    )
 
 
 def _fitted_with(known: Mapping[tuple[str, ...], float], causes: tuple[str, ...]) -> tuple[str, ...]:
