@@ -12,7 +12,8 @@ from scipy.signal import lsim, lti
 from dampers import rms
 from form_runs import BINGHAM, DT, OMEGA, STEP, T, V, X, close, only, run, speed
 from mjcf_builders import dashpot
-from mrdamp.model import core
+from mrdamp.model import Effect, Model, core
+from mrdamp.simulation.stepping import drive_rig
 
 PLAIN = run("force")  # N, without an effect
 
@@ -243,6 +244,17 @@ def test_a_filtered_displacement_is_taken_back(tau: float, width: float) -> None
     inner = slice(20, -20)
     assert rms((found - expected)[inner]) < 2e-3 * rms(expected)
     assert rms((without - expected)[inner]) > 10 * rms((found - expected)[inner])
+
+
+def test_noise_of_an_averaged_displacement_is_not_raised() -> None:
+    """A dashpot whose displacement is averaged over 30 ms and logged with 1 um of noise, in MuJoCo: its force is that of
+    the motion, but for the noise of a central difference, 0.35 mm/s."""
+    t, width, w = 0.002 * np.arange(2000), 0.03, 2 * np.pi * 3
+    noise = 1e-6 * np.random.default_rng(4).standard_normal(len(t))
+    read = 0.01 * np.sinc(w * width / (2 * np.pi)) * np.sin(w * t) + noise
+    model = Model("bingham", dashpot(C), (Effect("motion_lag", {"width": width}),))
+    found = drive_rig(model, 0.002, {"displacement_m": read, "command": np.zeros(len(t))})["force_N"]
+    assert rms((found - C * 0.01 * w * np.cos(w * t))[30:-30]) < 2.5 * C * 0.35e-3
 
 
 # --- gas in series with the fluid: its differential equation in SciPy ---------------------------------
