@@ -66,8 +66,8 @@ def concluded(found: Searched, progress: Progress = silent) -> Concluded:
     progress("fitting the corrected simulator", 0.7)
 
     def fitted() -> tuple[FinalFit, dict[str, tuple[RegimeEstimate, ...]]]:
-        mend = decision.verdict != "none" and not decision.apart
-        final = final_fit(search, fits[decision.chosen.index], mend=mend, rig=found.rig)
+        chosen = fits[decision.chosen.index]
+        final = final_fit(search, chosen, mend=bool(chosen.hypothesis.coordinates), rig=found.rig)
         causes = decision.chosen.causes if decision.verdict == "effect" else ()
         return final, {cause: by_regime(final.problem, final.fit, cause) for cause in causes}
 

@@ -110,9 +110,10 @@ def decide(
     stated[place] = 0.0
     probabilities = tuple(float(p) for p in stated / max(stated.sum(), 1e-300))
     decision = Decision(verdict, chosen, probabilities, left, floor, excess, beside, outside, found)
-    against = beside_none(nominal.cost, max(own, floor if steady else 0.0))
-    if verdict != "effect" and outside is None and against is not None:
-        return no_gap(decision, fits, against)
+    if verdict != "effect" and outside is None:
+        none = no_gap(decision, fits, max(own, floor if steady else 0.0))
+        if none is not None:
+            return none
     return replace(decision, unknown=max(beside, least))
 
 
@@ -128,21 +129,23 @@ def _tempered(shares: Array, sets: Sequence[tuple[str, ...]]) -> Array:
     return np.asarray(out / out.sum())
 
 
-def no_gap(decision: Decision, fits: Sequence[Scored], against: float) -> Decision:
-    """The decision that there is no gap. Causes keep their probabilities, the nominal simulator has the rest.
-
-    against: probability of an unknown cause in place of none."""
+def no_gap(decision: Decision, fits: Sequence[Scored], quiet: float) -> Decision | None:
+    """The decision that there is no gap; None if the nominal simulator's cost is above NONE_ABOVE times `quiet`, the
+    cost of the noise or of its error on the baseline. An unknown cause has one half there; those of the catalogue keep
+    their probabilities."""
     shares = (1 - decision.unknown) * np.array(decision.probabilities)
     place = next(k for k, f in enumerate(fits) if not f.causes and not f.free)
     shares[place] += 1 - shares.sum()
-    nominal, stated = replace(fits[place], index=place), tuple(map(float, shares))
+    above = (fits[place].cost / max(quiet, 1e-300) - 1) / (NONE_ABOVE - 1)
+    if above > 1:
+        return None
     return replace(
         decision,
         verdict="none",
-        chosen=nominal,
-        probabilities=stated,
+        chosen=replace(fits[place], index=place),
+        probabilities=tuple(map(float, shares)),
         unexplained=1.0,
-        unknown=against,
+        unknown=_even_at_one(above),
         standing=None,
     )
 
@@ -175,14 +178,6 @@ def of_fit(found: Scored, free: tuple[float, float] = (0.0, 0.0)) -> float:
         return alone
     own = utility(found.left_out, len(found.causes), found.numbers, penalty=found.penalty)
     return own + found.direct + beside
-
-
-def beside_none(cost: float, quiet: float) -> float | None:
-    """Probability against "no gap" by the nominal simulator's cost; one half at NONE_ABOVE times the cost `quiet` of
-    the noise or of its error on the baseline, and None, no such answer, above."""
-    if cost > NONE_ABOVE * quiet:
-        return None
-    return _even_at_one((cost / max(quiet, 1e-300) - 1) / (NONE_ABOVE - 1))
 
 
 def beyond(left: float) -> float:

@@ -125,7 +125,10 @@ def _corrected(g: Gap) -> str:
 def _hidden(d: Diagnosis) -> str:
     """What an answer without a cause does not exclude."""
     names = ", ".join(str(row["effect"]) for row in d.unseen)
-    return f" These records hardly show {names}." if names else ""
+    hidden = f" These records hardly show {names}." if names else ""
+    near = {c: p for c, p in d.probabilities.items() if c not in ("none", "unknown") and p >= TIE_PROBABLE}
+    said = ", ".join(f"{cause} (probability {p:.2f})" for cause, p in near.items())
+    return f" Not excluded: {said}.{hidden}" if near else hidden
 
 
 def _rest(d: Diagnosis) -> str:
