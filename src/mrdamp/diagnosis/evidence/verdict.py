@@ -136,8 +136,8 @@ def no_gap(decision: Decision, fits: Sequence[Scored], quiet: float) -> Decision
     shares = (1 - decision.unknown) * np.array(decision.probabilities)
     place = next(k for k, f in enumerate(fits) if not f.causes and not f.free)
     shares[place] += 1 - shares.sum()
-    above = (fits[place].cost / max(quiet, 1e-300) - 1) / (NONE_ABOVE - 1)
-    if above > 1:
+    cost = fits[place].cost
+    if cost > NONE_ABOVE * quiet:
         return None
     return replace(
         decision,
@@ -145,7 +145,7 @@ def no_gap(decision: Decision, fits: Sequence[Scored], quiet: float) -> Decision
         chosen=replace(fits[place], index=place),
         probabilities=tuple(map(float, shares)),
         unexplained=1.0,
-        unknown=_even_at_one(above),
+        unknown=_even_at_one((cost / max(quiet, 1e-300) - 1) / (NONE_ABOVE - 1)),
         standing=None,
     )
 
