@@ -11,7 +11,7 @@ import pytest
 
 from mrdamp.diagnosis.attribution.stages import regimes
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.constants import LAPSE
+from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, LAPSE, NUMBER
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ceiling import ceiling
 from mrdamp.diagnosis.evidence.judgement import with_nearest
@@ -233,6 +233,21 @@ def test_no_gap_is_less_certain_the_nearer_its_limit_is(times: float, unknown: f
     found = decide([Scored((), False, times * 0.02, 0)], 0.01, own=0.02)
     assert found.verdict == "none"
     assert found.unknown == pytest.approx(unknown)
+
+
+def test_no_gap_is_less_certain_beside_a_cause_that_is_nearly_established() -> None:
+    """A cause one nat below none, 1 : e, tempered: both shares to the power 1 / 1.3."""
+    cause = Scored(("a",), False, 0.019, 1, left_out=float(np.exp(-(CAUSE + NUMBER - 1) / EVIDENCE_GAIN)))
+    found = decide([Scored((), False, 0.02, 0), cause], 0.01, own=0.02)
+    assert found.verdict == "none"
+    assert found.probabilities == pytest.approx([1 / (1 + np.exp(-1 / 1.3)), 1 / (1 + np.exp(1 / 1.3))])
+
+
+@pytest.mark.parametrize(("cost", "outside"), [(0.009, 7), (0.02, None)])
+def test_a_rival_with_the_larger_error_is_no_better_explanation(cost: float, outside: int | None) -> None:
+    cause = Scored(("a",), False, 0.01, 1, left_out=0.5)
+    found = decide([Scored((), False, 1.0, 0), cause], 0.001, [Scored(("b",), False, cost, 1, 7, left_out=0.3)])
+    assert (found.outside, found.verdict) == (outside, "effect" if outside is None else "unknown")
 
 
 def test_beside_a_wrong_law_an_answer_without_a_cause_lapses_more_and_a_contradicted_one_most() -> None:
