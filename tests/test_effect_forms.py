@@ -247,8 +247,8 @@ def test_a_filtered_displacement_is_taken_back(tau: float, width: float) -> None
 
 
 def test_noise_of_an_averaged_displacement_is_not_raised() -> None:
-    """A dashpot whose displacement is averaged over 30 ms and logged with 1 um of noise, in MuJoCo: its force is that of
-    the motion, but for the noise of a central difference, 0.35 mm/s."""
+    """A dashpot whose displacement is averaged over 30 ms and logged with 1 um of noise, in MuJoCo: its force is that
+    of the motion, but for the noise of a central difference, 0.35 mm/s."""
     t, width, w = 0.002 * np.arange(2000), 0.03, 2 * np.pi * 3
     noise = 1e-6 * np.random.default_rng(4).standard_normal(len(t))
     read = 0.01 * np.sinc(w * width / (2 * np.pi)) * np.sin(w * t) + noise
