@@ -76,7 +76,7 @@ def test_a_folder_holds_the_same_records_for_every_command(folder: Path, halves:
     [
         (1500.0, 2, "zz.csv: 2 samples"),
         (1500.0, 75, "zz.csv: 75 samples; at least 100 are needed"),
-        (1.5, 2000, "are in different units"),  # a dashpot identified on forces in kN
+        (1.5, 2000, "are in another unit"),  # a dashpot identified on forces in kN
     ],
 )
 def test_bad_input_leaves_no_folder(

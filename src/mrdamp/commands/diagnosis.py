@@ -24,6 +24,10 @@ from mrdamp.errors import InputError
 
 #: Size of a channel over the simulator's, or its inverse, from which its unit is asked for: a g is 9.8 m/s2.
 _UNLIKE = 5.0
+#: How many times as much of a floor's acceleration the simulator's leaves with the ground's as without it, from which
+#: it was measured relative to the table. Of 18 frames of other makers the most is .99; with such channels they have
+#: 1.01 to 324.
+_RELATIVE = 2.0
 
 
 def add_to(commands: Any) -> None:
@@ -168,10 +172,15 @@ def run_case(a: argparse.Namespace) -> int:
     except BaseException:
         shutil.rmtree(a.out, ignore_errors=True)
         raise
+    found = against(model, case.records)
+    unlike = [name for name, (ratio, *_) in found.items() if not 1 / _UNLIKE < ratio < _UNLIKE]
+    ground = all(name in unlike for name in found if name.startswith("floor")) and model.rig == "frame"
+    which = "the ground's unit, or its own" if ground else "its unit"
+    checks += [f"{name} is {found[name][0]:.2g} times that of the simulator: check {which}" for name in unlike]
     checks += [
-        f"{name} is {ratio:.2g} times that of the simulator: check its unit"
-        for name, (ratio, _) in against(model, case.records).items()
-        if not 1 / _UNLIKE < ratio < _UNLIKE
+        f"{name} is rather that of the simulator relative to the table: give the absolute acceleration"
+        for name, (_, alike, less) in found.items()
+        if 1 - alike**2 > _RELATIVE * abs(1 - less**2)
     ]
     if len(rates) > 1:
         checks.append(f"records at {', '.join(f'{rate:g}' for rate in sorted(rates))} Hz")

@@ -23,8 +23,8 @@ LEAST = 100
 _INPUTS = {"damper": DAMPER_INPUTS, "frame": FRAME_INPUTS}
 #: Simulated over measured force from which, or from the inverse of which, units differ.
 _OTHER_UNIT = 100.0
-#: Correlation of a frame's damper force with the simulator's from which its sign is the other one: whatever is wrong in
-#: it, a damper resists. Of 18 frames of other makers the least is .31.
+#: Correlation of a frame's channel with the simulator's from which its sign is the other one: whatever is wrong in it,
+#: a damper resists. Of 18 frames of other makers the least is .31 of the force, and .24 of the floors.
 _REVERSED = -0.5
 #: Two tests have the same input if their inputs differ by at most this share of their RMS.
 _SAME = 0.02
@@ -92,25 +92,29 @@ def read_case(folder: Path | str) -> Case:
     return Case(str(data.get("name", folder.name)), folder, model, records, repeats, baseline, own)
 
 
-def against(model: Model, records: Sequence[Record]) -> dict[str, tuple[float, float]]:
-    """Of each measured channel, over the records: RMS over that of the simulator, and correlation with it."""
+def against(model: Model, records: Sequence[Record]) -> dict[str, tuple[float, float, float]]:
+    """Of each measured channel, over the records: RMS over that of the simulator, correlation with it, and with it less
+    the ground's acceleration, for floors' accelerations."""
     sums: dict[str, Array] = {}
     for r in records:
         for name, simulated in model.simulate(r.sample_time, r.channels).items():
             if name in r.channels:
-                measured = np.asarray(r.channel(name))
-                products = np.array([np.mean(simulated**2), np.mean(measured**2), np.mean(simulated * measured)])
-                sums[name] = sums.get(name, np.zeros(3)) + products
-    tiny = 1e-300
-    return {
-        name: (float(np.sqrt(m / max(s, tiny))), float(both / np.sqrt(max(s * m, tiny))))
-        for name, (s, m, both) in sums.items()
-    }
+                measured, less = np.asarray(r.channel(name)), simulated
+                if name.startswith("floor") and name.endswith("_m_s2"):
+                    less = simulated - r.channel("ground_acceleration_m_s2")
+                both = np.array([measured, simulated, less])
+                sums[name] = sums.get(name, np.zeros((3, 3))) + both @ both.T / r.n
+    out = {}
+    for name, products in sums.items():
+        sizes = np.sqrt(np.maximum(np.diag(products), 1e-300))
+        alike = products[0] / (sizes[0] * sizes)
+        out[name] = float(np.sqrt(products[0, 0]) / sizes[1]), float(alike[1]), float(alike[2])
+    return out
 
 
 def _check_against(path: Path, model: Model, records: Sequence[Record]) -> None:
     """Raises InputError where a channel and the simulator differ as units do (kN, mm, mA: by 1000), or as signs do."""
-    for name, (ratio, alike) in against(model, records).items():
+    for name, (ratio, alike, _) in against(model, records).items():
         if np.isnan(ratio):
             raise InputError(f"{path}: the simulator's {name} is no number with the inputs of the records")
         if not 1e-9 < ratio < 1e9:
@@ -118,13 +122,16 @@ def _check_against(path: Path, model: Model, records: Sequence[Record]) -> None:
             raise InputError(f"{path}: {of}: nothing can be compared")
         if not 1 / _OTHER_UNIT < ratio < _OTHER_UNIT:
             raise InputError(
-                f"{path}: {name} is {ratio:.3g} times that of the simulator (RMS over the records): its parameters and"
-                " the records are in different units; channels are in m, N, s, and A or V"
+                f"{path}: {name} is {ratio:.3g} times that of the simulator (RMS over the records): it, an input or the"
+                " parameters are in another unit; channels are in m, N, s, and A or V"
             )
-        if model.rig == "frame" and name == "force_N" and alike < _REVERSED:
+        if model.rig == "frame" and alike < _REVERSED:
+            way = "floors and ground are positive in one direction"
+            if name == "force_N":
+                way = "it is positive while the second floor of damper_between moves away from the first"
             raise InputError(
                 f"{path}: {name} has the sign opposite to the simulator's (correlation {alike:.2f}): turn it, or the"
-                " ground's; it is positive while the second floor of damper_between moves away from the first"
+                f" ground's; {way}"
             )
 
 
