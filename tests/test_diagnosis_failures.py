@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.handover import hand_over
-from mrdamp.diagnosis.report.result import Diagnosis, Gap, Where
+from mrdamp.diagnosis.report.result import Diagnosis, Gap, Remainder, Where
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
@@ -128,6 +129,13 @@ def test_what_is_handed_over_is_a_model_that_loads(tmp_path: Path) -> None:
     assert np.isfinite(data.sensordata).all()
     assert "driver_lag_tau" in (tmp_path / "mjcf" / "model.xml").read_text()
     assert Model.read(tmp_path / "mjcf" / "model.json").effects == model.effects
+
+
+def test_what_a_regression_leaves_of_a_frame_is_no_error_of_its_law() -> None:
+    rest, gap = Remainder(0.543, 1.0, "law", None), Gap(0.543, 0.543, 0.543, 0.01, (0.5, 0.6), ceiling=0.339)
+    found = Diagnosis("x", "frame", "either", "unknown", (), (), (), Where({"sensor": 1.0}), gap, (), {}, believed())
+    said = replace(found, remainder=rest).sentence.partition("The remaining gap of 54.3 % ")[2]
+    assert said == "is predicted in part by a regression on the other records, which leaves 33.9 %."
 
 
 def test_frame_records_that_are_not_as_they_should_be_are_told_of() -> None:

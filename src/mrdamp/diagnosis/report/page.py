@@ -95,9 +95,11 @@ def _next(out: Page, found: Diagnosis) -> None:
             )
         )
     if found.remainder is not None and found.remainder.of == "law":
-        steps.append(
-            "Identify another law, or a NARX network, from these records: what remains follows from the same inputs."
-        )
+        if found.rig == "damper":
+            better = "Identify another law, or a NARX network, from these records"
+        else:
+            better = "Check the channels, the structure and the damper's law"
+        steps.append(f"{better}: what remains follows in part from the same inputs.")
     for row in found.compared:
         if row["effect"]:
             steps.append(
@@ -239,7 +241,7 @@ def _shrink(out: Page, found: Diagnosis) -> None:
 
 
 _REMAINDER = {
-    "law": "follows from the same inputs: another law, or a network, would predict more of it",
+    "law": "is predicted in part by a regression on the recorded inputs, fitted to the other records",
     "unpredictable": "is not predicted by a regression on the recorded inputs, fitted to the other records",
     "outside": "comes from a cause outside the catalogue",
 }

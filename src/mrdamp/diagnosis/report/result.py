@@ -113,7 +113,7 @@ class Gap:
     corrected: float
     noise_floor: float
     interval: tuple[float, float]
-    ceiling: float | None = None  # of a regression: what a better law would leave at most
+    ceiling: float | None = None  # what a regression on the inputs leaves on records left out
     baseline: float | None = None  # nominal, on the rig's baseline records
     left_out: float | None = None  # corrected, on records left out of the fit
 

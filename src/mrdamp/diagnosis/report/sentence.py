@@ -137,11 +137,8 @@ def _rest(d: Diagnosis) -> str:
         return ""
     left = percent(d.remainder.gap)
     if d.remainder.of == "law":
-        ceiling = d.gap.ceiling
-        better = (
-            "" if ceiling is None else f": a better law of the same inputs would leave {percent(ceiling)} or less"
-        )
-        return f" The remaining gap of {left} is an error of the law{better}."
+        leaves = "" if d.gap.ceiling is None else f", which leaves {percent(d.gap.ceiling)}"
+        return f" The remaining gap of {left} is predicted in part by a regression on the other records{leaves}."
     if d.remainder.of == "outside" and d.outside is not None:
         return f" The remaining gap of {left} is most similar to {d.outside['what']}."
     return f" The remaining gap of {left} is not predicted by a regression on the other records."
