@@ -11,12 +11,13 @@ import pytest
 from frame_case import DT, LAW, altered, believed, case_of, late, records, without
 from modules import CASES, needs
 from mrdamp.diagnosis.attribution.frame_blocks import blocks, place_shares
-from mrdamp.diagnosis.case.folder import read_case
+from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.frame_run import LIMITS, reduced
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import FrameRig
+from mrdamp.diagnosis.problem.noise import channel_noise, floors
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.page import page
 from mrdamp.diagnosis.run import diagnose
@@ -236,3 +237,18 @@ def test_only_sensors_that_there_are_can_be_at_fault() -> None:
     assert sensors(clean=blind) >= every
     known = {f"sensor_{fault}{place}" for fault in faults for place in ("", "@3")}
     assert every - sensors(clean=blind, sharp=blind) == known
+
+
+def test_the_noise_of_a_frames_record_is_its_own() -> None:
+    """Of white noise that is 5 % of each channel the floor is 5 % in each record, averaged or not."""
+    rng, noisy = np.random.default_rng(3), []
+    for r, amplitude in zip(records().values(), (1.0, 20.0, 1.0), strict=True):
+        read = {c: amplitude * x for c, x in r.channels.items() if c.startswith("floor") or c == "force_N"}
+        sizes = {c: 0.05 * np.sqrt(np.mean(x**2)) for c, x in read.items()}
+        noisy.append(r.with_channels({c: x + sizes[c] * rng.normal(size=r.n) for c, x in read.items()}))
+    case = Case("frame", Path(), believed(), tuple(noisy[:2]), ())
+    for block in (1, 4):
+        rig = FrameRig(believed(), case.records, block)
+        found = floors(Problem(rig), channel_noise(case, rig, block)[0], {}).reshape(2, -1)
+        # A command that jumps is compared as logged.
+        assert found == pytest.approx(np.outer((0.05 / np.sqrt(block), 0.05), np.ones(7)), rel=0.25)

@@ -84,8 +84,9 @@ class ToyRig:
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         return self._answer(settings, signal.motion)
 
-    def noise_share(self, record: int) -> Array:
-        return np.ones(1)
+    @property
+    def noise_shares(self) -> Array:
+        return np.ones((len(self.records), 1))
 
     def input_noise(self, settings: Settings, record: int) -> Array:
         return np.zeros(1)

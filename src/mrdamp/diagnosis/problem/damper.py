@@ -26,7 +26,7 @@ from mrdamp.diagnosis.problem.command_memory import with_waves
 from mrdamp.diagnosis.problem.designs import Envelope, Signal
 from mrdamp.diagnosis.problem.excerpts import STEP, Lead, excerpts
 from mrdamp.diagnosis.problem.residuals import Problem, compared
-from mrdamp.diagnosis.problem.rig import STEADY, Simulator
+from mrdamp.diagnosis.problem.rig import STEADY, Simulator, own_noise
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -321,15 +321,9 @@ class DamperRig(Simulator):
         inputs = upsampled(signal.motion, signal.command, self.sizes.sample_time, factor, hold=self.hold)
         return self._runs([_Asked(settings, inputs)])[0]
 
-    def noise_share(self, record: int) -> Array:
-        return np.asarray(self._noise_shares[record])
-
     @cached_property
-    def _noise_shares(self) -> Array:
-        """(records, channels): a gauge's noise may grow with the force."""
-        levels = np.array([[noise_level(r.channel(name)) for name in self.channels] for r in self.records])
-        usual = np.median(levels, axis=0)
-        return np.asarray(np.where(usual > 0, levels / np.where(usual > 0, usual, 1.0), 1.0))
+    def noise_shares(self) -> Array:
+        return own_noise(self.records, self.channels)
 
     def conditions(self, record: int) -> dict[str, Array]:
         r, v = self.records[record], self.velocity(record)

@@ -20,7 +20,7 @@ from mrdamp.diagnosis.hypotheses.outside_storeys import base_rivals, bent, shake
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.diagnosis.problem.command_memory import with_waves
 from mrdamp.diagnosis.problem.designs import Envelope, Signal
-from mrdamp.diagnosis.problem.rig import Simulator
+from mrdamp.diagnosis.problem.rig import Simulator, own_noise
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array, FrameInput
@@ -253,9 +253,10 @@ class FrameRig(Simulator):
     def input_noise(self, settings: Settings, record: int) -> Array:
         return np.zeros(len(self.channels))  # the table's motion and the command are taken as exact
 
-    def noise_share(self, record: int) -> Array:
-        """Ratio of the noise after averaging over `block` samples to the white noise of a record."""
-        return np.full(len(self.channels), np.sqrt(self.block / self._blocks[record]))
+    @cached_property
+    def noise_shares(self) -> Array:
+        """The levels are those after averaging over `block` samples."""
+        return own_noise(self.raw, self.channels) * np.sqrt(self.block / np.array(self._blocks))[:, None]
 
     @property
     def still(self) -> bool:

@@ -64,10 +64,10 @@ def floors(problem: Problem, noise: Noise, settings: Settings) -> Array:
     """Gap (blocks,) due to noise alone: of the outputs, and of the inputs propagated through the simulator.
     """
     carried = {k: problem.rig.input_noise(settings, k) for k in problem.records}
-    share = {k: problem.rig.noise_share(k) for k in problem.records}
+    share = problem.rig.noise_shares
     return np.array(
         [
-            np.hypot(share[b.record][b.channel] * noise.levels[b.channel], carried[b.record][b.channel]) / b.size
+            np.hypot(share[b.record, b.channel] * noise.levels[b.channel], carried[b.record][b.channel]) / b.size
             for b in problem.blocks
         ]
     )

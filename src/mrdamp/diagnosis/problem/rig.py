@@ -23,6 +23,7 @@ from mrdamp.model import Effect, Model, effects_from
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.log_filter import AS_SENT, LOG, without_waves
+from mrdamp.records.smoothing import noise_level
 
 #: Channels (sets, channels, m) of settings under a command (m,).
 Run = Callable[[Sequence[Settings], Array], Array]
@@ -95,8 +96,9 @@ class Rig(Protocol):
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,): RMS change of the simulated channels due to noise of the measured inputs."""
 
-    def noise_share(self, record: int) -> Array:
-        """(channels,): factors on their noise levels in a record."""
+    @property
+    def noise_shares(self) -> Array:
+        """(records, channels): factors on the channels' noise levels."""
 
     @property
     def envelope(self) -> Envelope:
@@ -207,6 +209,13 @@ class Simulator(ABC):
         effects = merged(nominal.effects, [*effects_from(own), *placed])
         extra = {**nominal.extra, **log_entry(settings)}
         return replace(nominal, parameters=parameters, effects=effects, extra=extra, **more)
+
+
+def own_noise(records: Sequence[Record], channels: Sequence[str]) -> Array:
+    """(records, channels): noise over its median, as a gauge's may grow with what it reads."""
+    levels = np.array([[noise_level(r.channel(name)) for name in channels] for r in records])
+    usual = np.median(levels, axis=0)
+    return np.asarray(np.where(usual > 0, levels / np.where(usual > 0, usual, 1.0), 1.0))
 
 
 def models_of(rig: Rig, settings: Iterable[Settings], most: int) -> tuple[Model, ...]:
