@@ -21,6 +21,7 @@ from nbformat import NotebookNode
 import mrdamp
 from command_call import caller
 from mrdamp import api
+from mrdamp.cli import main as mrdamp_command
 from mrdamp.commands.controllers import add_to as add_compare
 from mrdamp.commands.identify import add_to as add_identify
 from mrdamp.compare.benches import bench_of
@@ -51,7 +52,8 @@ def test_compare_is_the_command(tmp_path: Path) -> None:
     motion.save(tmp_path / "m.csv")
     names = ["passive-on", "passive-off"]
     table = mrdamp.compare("frame", names, [tmp_path / "m.csv"], engine="chain")
-    same = mrdamp.compare("frame", names, [mrdamp.read_motion(tmp_path / "m.csv")], engine="chain")
+    motions = [mrdamp.read_motion(tmp_path / "m.csv")]
+    same = mrdamp.compare("frame", names, motions, engine="chain", model="dyke1996_3kN", told="dyke1996_3kN")
     assert same.values["passive-on"]["J1"] == table.values["passive-on"]["J1"]
     call = ["compare", "frame", "--controllers", *names, "--motions", tmp_path / "m.csv", "--engine", "chain"]
     assert caller(add_compare)(*call, "--jobs", "1", "-o", tmp_path / "out") == 0
@@ -62,6 +64,15 @@ def test_compare_is_the_command(tmp_path: Path) -> None:
             assert written[name]["measures"][key]["runs"] == values.tolist()
     assert repr(table) == "Comparison(2 controllers, 1 loads, 1 amplitudes)"
     assert len(table.plot().axes) == sum(m.ratio for m in table.measures)
+
+
+def test_predict_is_the_command(tmp_path: Path) -> None:
+    record = embedded().validation[0]
+    record.save(tmp_path / "r.csv")
+    assert mrdamp_command(["predict", "dyke1996_3kN", str(tmp_path / "r.csv"), "-o", str(tmp_path / "out.csv")]) == 0
+    written = np.loadtxt(tmp_path / "out.csv", delimiter=",", skiprows=1)
+    found = mrdamp.predict("dyke1996_3kN", tmp_path / "r.csv")
+    assert np.column_stack(list(found.values())) == pytest.approx(written, rel=1e-5, abs=1e-5)
 
 
 def test_a_record_draws_every_channel_and_shows_itself() -> None:

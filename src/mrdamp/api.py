@@ -115,10 +115,10 @@ def compare(
 
     environment: frame, cable, car, or file.py:NAME. controllers: None: all. motions: ground motions or roads, or their
     files; None: the structure's own. amplitudes: factors on them; None: 1 for given motions. speed: m/s, on road files.
-    model: of the damper, or its file. dampers: pairs of floors of a frame. told: the frame that controllers know.
-    command_unit: A or V. period: s. engine: mujoco or chain. compression: ground motions are played so many times as
-    fast (5 without it). tune: tune anew. bound: add the best commands for motions known in advance, searched for from
-    so many runs. keep: a file that a stopped comparison goes on from.
+    model: of the damper, its file or its set's name. dampers: pairs of floors of a frame. told: the frame that
+    controllers know. command_unit: A or V. period: s. engine: mujoco or chain. compression: ground motions are played
+    so many times as fast (5 without it). tune: tune anew. bound: add the best commands for motions known in advance,
+    searched for from so many runs. keep: a file that a stopped comparison goes on from.
     """
     from mrdamp.compare.benches import bench_of, compared
     from mrdamp.model import Model

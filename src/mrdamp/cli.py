@@ -25,13 +25,13 @@ from mrdamp.commands import (
     diagnosis,
     identify,
     inverse,
-    named_model,
     progress_bar,
     records,
 )
 from mrdamp.errors import EngineError, InputError, first_line
 from mrdamp.interrupts import unguard
 from mrdamp.outside import NAMED
+from mrdamp.sets import named_model
 
 
 def main(argv: Sequence[str] | None = None, parser: argparse.ArgumentParser | None = None) -> int:

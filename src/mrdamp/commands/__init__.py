@@ -17,7 +17,6 @@ from mrdamp.files import SUFFIXES, unfit, write_atomic
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from mrdamp.model import Model
     from mrdamp.records import RecordSet
 
 Run = Callable[[argparse.Namespace], int]
@@ -57,16 +56,6 @@ def described(p: argparse.ArgumentParser, run: Run, text: str, example: str) -> 
     p.formatter_class = argparse.RawDescriptionHelpFormatter
     p.set_defaults(run=checked)
     return p
-
-
-def named_model(text: str) -> Model:
-    """A model file, or a parameter set by its name. Raises InputError."""
-    from mrdamp import sets
-    from mrdamp.model import Model
-
-    if not Path(text).exists() and text in sets.names():
-        return sets.load(text).model()
-    return Model.read(text)
 
 
 _KINDS = (".svg", ".png", ".pdf")

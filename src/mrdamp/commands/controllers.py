@@ -21,7 +21,6 @@ from mrdamp.commands import (
     add_command,
     add_jobs,
     add_json,
-    named_model,
     progress_bar,
     refuse_unused,
     save_picture,
@@ -87,7 +86,7 @@ def _add_compare(commands: Any) -> None:
         help="ground motions K times as fast (default: 5, as published; full size: 1)",
     )  # fmt: skip
     p.add_argument(
-        "--model", type=Path, help="model file of a damper, or of a frame with one (default: published)"
+        "--model", type=Path, help="model file of a damper or of a frame with one, or a set's name (default: published)"
     )
     p.add_argument(
         "--dampers", nargs="+", type=_places, metavar="A-B",
@@ -153,7 +152,7 @@ def _compare(a: argparse.Namespace) -> str:
     period = None if a.period is None else 1e-3 * a.period
     bench = bench_of(
         a.environment,
-        None if a.model is None else named_model(str(a.model)),
+        a.model,
         command_unit=a.command_unit,
         period=period,
         engine=a.engine,

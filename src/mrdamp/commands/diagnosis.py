@@ -15,12 +15,12 @@ from mrdamp.commands import (
     OutFolder,
     add_command,
     add_jobs,
-    named_model,
     progress_bar,
     seed,
     show_progress,
 )
 from mrdamp.errors import InputError
+from mrdamp.sets import named_model
 
 #: Size of a channel over the simulator's, or its inverse, from which its unit is asked for: a g is 9.8 m/s2.
 _UNLIKE = 5.0

@@ -13,13 +13,13 @@ from mrdamp.commands import (
     add_command,
     add_jobs,
     add_json,
-    named_model,
     progress_bar,
     refuse_unused,
     save_picture,
     seed,
 )
 from mrdamp.errors import InputError
+from mrdamp.sets import named_model
 
 if TYPE_CHECKING:
     from mrdamp.inverse.rig import Trial

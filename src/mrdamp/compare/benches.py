@@ -191,23 +191,23 @@ def bench_of(
 ) -> Bench:
     """The bench of a structure. Raises InputError.
 
-    model: of the damper, or its file; None: the published one. command_unit: A or V; None: V for the published model,
-    that of a parameter set of the model's name, else A. period: s; None: 1 ms of the frame, else 5 ms. compression: of
-    the time of ground motions, None: five times. Of a frame alone: dampers: pairs of floors between which it has
-    dampers; none: its model's. told: what controllers of a frame are told in place of the model.
+    model: of the damper, its file or its set's name; None: the published one. command_unit: A or V; None: V for the
+    published model, that of a parameter set of the model's name, else A. period: s; None: 1 ms of the frame, else 5 ms.
+    compression: of the time of ground motions, None: five times. Of a frame alone: dampers: pairs of floors between
+    which it has dampers; none: its model's. told: what controllers of a frame are told in place of the model.
     """
     if structure not in STRUCTURES and not NAMED.fullmatch(structure):
         raise InputError(f"environment {structure!r} is unknown; there are {', '.join(STRUCTURES)}, file.py:NAME")
     if command_unit is not None:
         require_one_of("", ("A", "V"), command_unit=command_unit)
     kind = STRUCTURES.get(structure)
-    read = model if model is None or isinstance(model, Model) else Model.read(model)
+    read = None if model is None else sets.named_model(model)
     published = read is not None and read.name in sets.names()
     unit = command_unit or ("V" if read is None else sets.load(read.name).command.unit if published else "A")
     fast = TIME_SCALE if compression is None else compression
     require_positive("compare", compression=fast)
     if kind == "frame":
-        lied = None if told is None else _framed(told if isinstance(told, Model) else Model.read(told), dampers)
+        lied = None if told is None else _framed(sets.named_model(told), dampers)
         shown = _framed(frame_model() if read is None else read, dampers)
         return FrameBench(shown, unit, fast, 1e-3 if period is None else period, engine=engine, told=lied)
     for option, own in (("dampers", dampers), ("told", told)):

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from mrdamp.errors import InputError
@@ -18,7 +19,7 @@ from mrdamp.errors import InputError
 if TYPE_CHECKING:
     from mrdamp.model import Model
 
-__all__ = ["CommandRange", "ParameterSet", "load", "names"]
+__all__ = ["CommandRange", "ParameterSet", "load", "named_model", "names"]
 
 
 @dataclass(frozen=True)
@@ -90,3 +91,14 @@ def load(id: str) -> ParameterSet:
         raise InputError(f"parameter set {id!r}: no such set; there are {', '.join(names())}")
     data = json.loads(resources.files(__name__).joinpath(f"{id}.json").read_text(encoding="utf-8"))
     return ParameterSet(**data | {"command": CommandRange(**data["command"]), "sources": tuple(data["sources"])})
+
+
+def named_model(given: Model | Path | str) -> Model:
+    """A model as it is, from its file, or a parameter set by its name. Raises InputError."""
+    from mrdamp.model import Model
+
+    if isinstance(given, Model):
+        return given
+    if not Path(given).exists() and str(given) in names():
+        return load(str(given)).model()
+    return Model.read(given)

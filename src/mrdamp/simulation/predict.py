@@ -30,6 +30,7 @@ from mrdamp.records.log_filter import (
 from mrdamp.records.motion import noise
 from mrdamp.records.smoothing import smoothed
 from mrdamp.records.upsampling import FineInputs, repaired_ends, upsampled
+from mrdamp.sets import named_model
 
 #: s, the longest step between the samples of a damper's record, whose motion runs along a spline there.
 _STEP = 5e-4
@@ -45,9 +46,9 @@ INPUTS = {
 
 
 def predict(model: Model | Path | str, record: Record | Path | str) -> dict[str, Array]:
-    """`time_s` and the simulated channels, (n,) each, of a model or its file for the inputs of a record or its file.
+    """`time_s` and the simulated channels, (n,) each, of a model for the inputs of a record or its file.
 
-    Raises InputError.
+    model: or its file, or the name of a parameter set. Raises InputError.
     """
     if not (isinstance(model, Model | Path | str) and isinstance(record, Record | Path | str)):
         kinds = f"{type(model).__name__} and {type(record).__name__}"
@@ -55,7 +56,7 @@ def predict(model: Model | Path | str, record: Record | Path | str) -> dict[str,
     for name, given in (("model", model), ("record", record)):
         if not isinstance(given, Model | Record):
             require_path(**{name: given})
-    model = model if isinstance(model, Model) else Model.read(model)
+    model = named_model(model)
     read = record if isinstance(record, Record) else read_record(record, required=INPUTS[model.rig])
     return {"time_s": np.asarray(read.time), **free_run(model, read)}
 
