@@ -25,7 +25,7 @@ _LONGEST, _ZEROS, _FALL, _EDGE = 40, 20.0, 12.0, 25.0
 #: in which displacement and acceleration are compared, and how many times as well they belong together without the
 #: ground's motion where one of them is not as it should be. RMS over the floors of an acceleration in two samples, over
 #: its standard deviation, from which it moves. Of 18 frames of other makers none is told of; the last has .02 there.
-_START, _MOVING, _BAND, _OTHER, _SHAKEN = 0.05, 0.2, (0.5, 15.0), 10.0, 0.3
+_START, _MOVING, _BAND, _OTHER, _SHAKEN = 0.05, 0.2, (0.5, 15.0), 10.0, 0.1
 
 
 def audit(case: Case) -> Iterator[str]:
