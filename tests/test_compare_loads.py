@@ -83,6 +83,16 @@ def test_of_two_records_a_source_makes_two_loads_and_says_that_tuning_had_them()
     assert len(compare(own, [CONSTANT], own.unseen_loads(), [1.0]).notes) == 1
 
 
+def test_a_structure_without_an_mjcf_is_refused_before_the_first_run() -> None:
+    class Coupled(Isolated):  # type: ignore[misc]
+        def mechanics(self) -> Any:
+            own = super().mechanics()
+            return replace(own, mass=own.mass + 1.0)  # of two bodies each: bodies on slides have a diagonal alone
+
+    assert GoalBench(Coupled(), engine="chain").structure.system.mass[0, 1] == 1.0
+    refuses(lambda: GoalBench(Coupled()), "matrices are not those of bodies and springs; use engine chain")
+
+
 @pytest.mark.parametrize("structure", ["frame", OWN])
 def test_of_drawn_motions_none_is_known(structure: str) -> None:
     made = bench_of(structure, engine="chain")

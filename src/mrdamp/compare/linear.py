@@ -167,6 +167,11 @@ class GoalBench(PlantBench):
     compression: float = TIME_SCALE  # of the time of motion files
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.engine == "mujoco":
+            self.structure.mjcf(self.timestep)  # raises where there is none, before a run
+
     @property
     def structure(self) -> LinearStructure:
         return self.of
