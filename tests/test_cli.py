@@ -64,6 +64,17 @@ def test_predict_does_not_look_at_the_outputs(record: Path, model: Path, tmp_pat
     assert outs[0].read_text() == outs[1].read_text()
 
 
+def test_an_error_against_a_dead_channel_has_no_deviation(
+    record: Path, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    read, out = read_record(record), tmp_path / "pred.csv"
+    read.with_channels({"force_N": np.full(read.n, 0.1)}).save(record)
+    assert cli.main(["predict", str(model), str(record), "-o", str(out)]) == 0
+    force = np.genfromtxt(out, delimiter=",", names=True)["force_N"][round(0.02 / read.sample_time) :]
+    error = np.sqrt(np.mean((force - 0.1) ** 2))
+    assert f"force_N: RMS error {error:.4g}, the measured one is constant\n" in capsys.readouterr().out
+
+
 def test_a_prediction_holds_no_nan(record: Path, tmp_path: Path) -> None:
     found = sets.load("dyke1996_3kN")
     beyond = Model(found.law, {**found.parameters, "x0": 1e308})

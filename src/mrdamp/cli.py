@@ -184,6 +184,9 @@ def _demo(a: argparse.Namespace) -> int:
 
 
 def _predict(a: argparse.Namespace) -> int:
+    import numpy as np
+
+    from mrdamp.identify.excerpts import skipped
     from mrdamp.identify.fit import error_of
     from mrdamp.records import read_record
     from mrdamp.records.checks import warnings_of
@@ -194,8 +197,9 @@ def _predict(a: argparse.Namespace) -> int:
     columns = write_prediction(model, record, a.out)
     for name in columns:
         if name != "time_s" and name in record.channels:
-            found = error_of(record, name, columns[name])
-            print(f"{name}: RMS error {found.rmse:.4g}, {found.nrmse:.3f} of its standard deviation")
+            found, moves = error_of(record, name, columns[name]), np.ptp(record.channel(name)[skipped(record) :]) > 0
+            than = f"{found.nrmse:.3f} of its standard deviation" if moves else "the measured one is constant"
+            print(f"{name}: RMS error {found.rmse:.4g}, {than}")
     said = [clamped(model, record)]
     if model.rig == "damper":
         said.append(noisy_motion(model, record, columns["force_N"]))
