@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
-from mrdamp.model.attributes import attributes, defaults
-from mrdamp.model.core import MISREADING
+from mrdamp.model.attributes import MISREADING, attributes, defaults
 
 if TYPE_CHECKING:
     from mrdamp.model.core import Sets

@@ -13,6 +13,9 @@ import numpy as np
 from mrdamp.errors import InputError, nearest
 from mrdamp.model.native import Array, checked, library, pointer, rows
 
+#: Attributes with which a displacement channel reads something else than the motion.
+MISREADING = ("channel_shift_d", "motion_lag_tau", "motion_lag_width")
+
 
 @dataclass(frozen=True)
 class Attribute:

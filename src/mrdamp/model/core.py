@@ -12,6 +12,7 @@ import numpy as np
 
 from mrdamp.errors import InputError, require_kind, require_one_of, require_positive
 from mrdamp.model.attributes import (
+    MISREADING,
     Attribute,
     attribute_index,
     attributes,
@@ -64,9 +65,6 @@ __all__ = [
 #: (N), the same on an ideal load cell (N), force without the moving mass (N), coil current and field variable
 #: (command units), rise of the fluid's temperature (K), piston displacement behind the mount (m), the law's state.
 COLUMNS = ("force", "reference", "true", "current", "field", "temperature", "piston", "state")
-
-#: Attributes with which a displacement channel reads something else than the motion.
-MISREADING = ("channel_shift_d", "motion_lag_tau", "motion_lag_width")
 
 
 class Narx:
