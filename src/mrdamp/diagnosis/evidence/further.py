@@ -73,11 +73,10 @@ def _freed(search: Search, fits: Sequence[Fit], decision: Decision) -> tuple[lis
 def _further(search: Search, parent: Fit) -> tuple[Fit, float] | None:
     """The best fit with the cause that is established beside those of a fit, and its probability; None without one."""
     tried = [f for f in search.beside(parent) if not (f.hypothesis.nominal and unreferenced(search.problem.rig, f))]
-    before = search.best_version(parent)
     numbers = len(parent.point)
     worth = []
     for f in tried:
-        left, more = min(search.ratio(r, before) for r, _ in search.versions(f)), len(f.point) - numbers
+        left, more = search.remains(f, parent), len(f.point) - numbers
         direct = search.direct.get(f.hypothesis.causes[-1], 0.0)
         unsure = search.inexact and not search.own
         penalty = of_itself(f, beside=len(parent.hypothesis.terms))
@@ -87,8 +86,7 @@ def _further(search: Search, parent: Fit) -> tuple[Fit, float] | None:
     names: list[tuple[str, ...]] = [(f.hypothesis.causes[-1],) for f in tried]
     if freed is not None:
         names.append(("parameters",))
-        left = min(search.ratio(r, before) for r, _ in search.versions(freed))
-        worth.append(utility(left, 0, 0, penalty=LAW if search.own else CAUSE))
+        worth.append(utility(search.remains(freed, parent), 0, 0, penalty=LAW if search.own else CAUSE))
     sets: dict[tuple[str, ...], float] = {}
     for name, p in zip([(), *names], softmax([0.0, *worth]), strict=True):
         sets[name] = sets.get(name, 0.0) + float(p)

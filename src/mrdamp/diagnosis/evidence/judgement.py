@@ -55,13 +55,13 @@ def left_out_ratios(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
     the command wherever that predicts better, and what this is worth to the law alone is taken off a cause: what a law
     explains is no evidence. Fits that are improbable even on what they were fitted to are not made again.
     """
-    law = search.base
+    law, price = search.base, (1.0, search.price)  # without and with curves
     moving = [f for f in fits if f.hypothesis.coordinates]
 
     def left(f: Fit, alone: Array, *, fitted: bool = False) -> float:
         beside_law = f.hypothesis.nominal and f.hypothesis.terms
         return min(
-            search.ratio(r, alone if beside_law or beside_curves else search.residual)
+            search.ratio(r, alone if beside_law or beside_curves else search.residual) * price[beside_curves]
             for r, beside_curves in search.versions(f, fitted=fitted)
         )
 
@@ -69,7 +69,7 @@ def left_out_ratios(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
         return replace(scored([f], direct=search.direct)[0], penalty=0.0, left_out=out[id(f)])
 
     out = {id(f): left(f, law.residual, fitted=True) for f in moving}
-    alone, curved = search.law_alone, search.curved
+    alone, curved = search.law_alone, min(1.0, search.curved * search.price)
     out[id(law)] = left(law, alone) / curved
     free = of_parameters(own(law), baseline=search.own > 0)
     most = {id(f): of_fit(own(f), free) for f in moving}
