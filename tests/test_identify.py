@@ -18,6 +18,7 @@ from laboratory import TRUE, identifiable, rig_tests
 from modules import CASES, needs
 from mrdamp import sets
 from mrdamp.cli import main
+from mrdamp.diagnosis.form import form_with
 from mrdamp.identify import Fit, error, identify
 from mrdamp.identify.findings import findings
 from mrdamp.identify.intervals import channel_findings, intervals
@@ -299,6 +300,18 @@ def test_any_effect_is_fitted_along_by_its_name(tmp_path: Path) -> None:
     assert fit.held_out_nrmse < 0.02
     refuses(lambda: mrdamp.identify(tmp_path, "bingham", extras=["ghost"]), "allowed: auto, offset, .*, seal_friction")
     refuses(lambda: mrdamp.identify(tmp_path, "bingham", extras=["auto", "backlash"]), "finds the effects itself")
+
+
+def test_a_law_gives_back_what_it_took_of_an_effect() -> None:
+    """60 N of seal friction, added to the force of SciPy's integrator: a hysteresis stands in for most of it."""
+    records = [
+        r.with_channels({"force_N": r.channel("force_N") + 60 * np.tanh(r.velocity() / 0.002)})
+        for r in rig_tests("bouc_wen", duration=2.0)
+    ]
+    alone = identify("bouc_wen", records, extras=("offset",), starts=1)
+    found = form_with(alone, records, ["seal_friction"]).model.attributes
+    assert found["seal_friction_coulomb"] == pytest.approx(60, rel=0.03)
+    assert found["n"] == pytest.approx(TRUE["bouc_wen"]["n"], rel=0.03)
 
 
 @pytest.mark.slow

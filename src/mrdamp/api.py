@@ -70,7 +70,7 @@ def identify(
     )  # fmt: skip
     if not more:
         return fit
-    form = form_with(fit.model, read.train, more, threads=threads or 1, progress=progress or silent)
+    form = form_with(fit, read.train, more, threads=threads or 1, progress=progress or silent)
     return form.applied(fit, read)
 
 

@@ -196,7 +196,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         fit = identify(a.law, records.train, records.held_out, dependence=a.dependence, **common)
     check_explained(records.train, fit.train_nrmse)
     if more:
-        form = form_with(fit.model, records.train, more, threads=a.jobs, progress=show_progress)
+        form = form_with(fit, records.train, more, threads=a.jobs, progress=show_progress)
         print("\n".join(form.lines()))
         fit = form.applied(fit, records)
     print(f"{a.law}: free-run error over the force's standard deviation:")

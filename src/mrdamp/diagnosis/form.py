@@ -26,8 +26,8 @@ from mrdamp.diagnosis.run import concluded, searched
 from mrdamp.diagnosis.searched import Progress, silent
 from mrdamp.errors import InputError
 from mrdamp.identify.fit import Fit as IdentifiedFit
-from mrdamp.identify.fit import error
-from mrdamp.identify.laws import EXTRAS
+from mrdamp.identify.fit import error, together
+from mrdamp.identify.laws import EXTRAS, Coordinate
 from mrdamp.model import Model, damper_effects
 from mrdamp.records import Record, RecordSet
 
@@ -67,7 +67,7 @@ class Form:
         if not self.effects:
             return ["no effect of the catalogue pays for itself on left-out records"]
         named = ", ".join(f"{c} (probability {p:.2f})" if p is not None else c for c, p in self.effects.items())
-        worth = f"they leave {100 * self.left:.0f} % of the squared error of the law alone"
+        worth = f"they leave at most {100 * self.left:.0f} % of the squared error of the law alone"
         return [f"fitted along: {named}", f"  on records left out of the fits {worth}"]
 
     def applied(self, fit: IdentifiedFit, records: RecordSet) -> IdentifiedFit:
@@ -79,10 +79,12 @@ class Form:
 
 
 def form_with(
-    model: Model, records: Sequence[Record], causes: Sequence[str], *, threads: int = 1, progress: Progress = silent
+    alone: IdentifiedFit, records: Sequence[Record], causes: Sequence[str], *, threads: int = 1,
+    progress: Progress = silent,
 ) -> Form:
-    """A model with these effects fitted along with its law, one after the other, in the forms with the least error on
-    left-out records. `[AUTO]`: those that the records pay for. Raises InputError."""
+    """A law that was fitted to the records with these effects, one after the other, in the forms with the least error
+    on left-out records, then all together. `[AUTO]`: those that the records pay for. Raises InputError."""
+    model = alone.model
     if list(causes) == [AUTO]:
         return form_of(model, records, threads=threads, progress=progress)
     with threadpool_limits(limits=1):
@@ -100,7 +102,12 @@ def form_with(
             found = least_left_out(search, min(tried, key=lambda f: f.cost))
         final = final_fit(search, found, mend=False, rig=rig)
     left = search.left_out_cost(found) / search.left_out_cost(search.base)
-    return Form(rig.model(final.fit.settings), dict.fromkeys(causes), left)
+    terms = found.hypothesis.terms
+    more = [Coordinate(c.name, c.start, c.low, c.high, c.log) for term in terms for c in term.coordinates]
+    forms = {name: value for term in terms for name, value in term.fixed.items()}
+    progress("fitting all together", 1.0)
+    whole = together(alone, rig.model(final.fit.settings), records, more, forms, threads)
+    return Form(whole, dict.fromkeys(causes), left)
 
 
 def form_of(

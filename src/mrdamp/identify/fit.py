@@ -14,7 +14,16 @@ from scipy.stats import qmc
 
 from mrdamp.errors import InputError, nearest
 from mrdamp.identify.excerpts import excerpts, is_led, skipped
-from mrdamp.identify.laws import DEPENDENCES, OF_COMMAND, Dependence, Scales, Space, dependence_for, space
+from mrdamp.identify.laws import (
+    DEPENDENCES,
+    OF_COMMAND,
+    Coordinate,
+    Dependence,
+    Scales,
+    Space,
+    dependence_for,
+    space,
+)
 from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.model import Model, core, effects_from
 from mrdamp.model.core import Array, attribute_index
@@ -371,6 +380,23 @@ def model_of(search: Space, point: Array, command: float | None = None) -> Model
     parameters = {key: attributes[key] for key in core.law_parameters(search.law)}
     parameters |= {key: value for key, value in attributes.items() if key in mine and key not in parameters}
     return Model(search.law, parameters, effects_from(attributes), name=f"{search.law} fit")
+
+
+def together(
+    alone: Fit, model: Model, train: Sequence[Record], more: Sequence[Coordinate], fixed: Mapping[str, float],
+    threads: int,
+) -> Model:
+    """A model with its law and its effects fitted together from where they are; as it is if that is no nearer.
+
+    alone: the fit of its law without them, which has taken their place as far as it could and is moved back. more: free
+    attributes of the effects. fixed: their attributes that are not free.
+    """
+    assert alone.space is not None
+    search = replace(alone.space, plain=(*alone.space.plain, *more), fixed=fixed)
+    problem = Problem(search, train, threads, freed=False, hold=bool(model.hold))
+    found = model_of(search, descend(problem, search.point(model.attributes), _FIT_STEPS)[2])
+    moved = replace(model, parameters={**model.parameters, **found.parameters}, effects=found.effects)
+    return min((model, moved), key=lambda m: pooled([error(m, r) for r in train]))
 
 
 def within(model: Model, commands: Array) -> Model:

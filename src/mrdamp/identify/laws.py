@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -228,6 +228,7 @@ class Space:
     plain: tuple[Coordinate, ...]  # constants of the law and effects, by attribute name
     rate: Coordinate | None = None  # of a saturating dependence
     each: bool = False  # a value of its own at each knot, which are constant commands
+    fixed: Mapping[str, float] = field(default_factory=dict)  # attributes that are not free
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
@@ -256,7 +257,7 @@ class Space:
             else:
                 nearest = int(np.argmin(np.abs(np.subtract(self.knots, command))))
                 out |= {f"{m.stem}a": values[nearest], f"{m.stem}b": 0.0}
-        out |= {c.name: value for c, value in zip(self.plain, numbers[first:], strict=True)}
+        out |= {c.name: value for c, value in zip(self.plain, numbers[first:], strict=True)} | dict(self.fixed)
         return _hysteresis(out) if "yield_displacement" in out else out
 
     def point(self, attributes: Mapping[str, float]) -> Array:
