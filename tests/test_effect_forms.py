@@ -13,6 +13,8 @@ from dampers import rms
 from form_runs import BINGHAM, DT, OMEGA, STEP, T, V, X, close, only, run, speed
 from mjcf_builders import dashpot
 from mrdamp.model import Effect, Model, core
+from mrdamp.records import Record
+from mrdamp.simulation.predict import free_run
 from mrdamp.simulation.stepping import drive_rig
 
 PLAIN = run("force")  # N, without an effect
@@ -255,6 +257,17 @@ def test_noise_of_an_averaged_displacement_is_not_raised() -> None:
     model = Model("bingham", dashpot(C), (Effect("motion_lag", {"width": width}),))
     found = drive_rig(model, 0.002, {"displacement_m": read, "command": np.zeros(len(t))})["force_N"]
     assert rms((found - C * 0.01 * w * np.cos(w * t))[30:-30]) < 2.5 * C * 0.35e-3
+
+
+def test_noise_of_a_filtered_displacement_is_not_differentiated() -> None:
+    """The sine through a low-pass, read with 1 um of noise, whose rate times tau outweighs the motion."""
+    tau, rng = 0.008, np.random.default_rng(0)
+    read = 0.01 * np.imag(np.exp(1j * OMEGA * T) / (1 + 1j * OMEGA * tau)) + 1e-6 * rng.standard_normal(len(T))
+    record = Record("sine", None, DT, {"displacement_m": read, "command": np.full(len(T), 0.5)})
+    model = Model("bingham", BINGHAM, (Effect("motion_lag", {"tau": tau}),))
+    expected = 950 * V + 250 * np.tanh(V / 0.004)
+    inner = slice(20, -20)
+    assert rms((free_run(model, record)["force_N"] - expected)[inner]) < 0.05 * rms(expected)
 
 
 # --- gas in series with the fluid: its differential equation in SciPy ---------------------------------

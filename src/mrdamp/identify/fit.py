@@ -139,8 +139,9 @@ class Problem:
     ) -> None:
         self.space, self.threads, self.evaluations = search, threads, 0
         self.freed, self.hold = freed and search.law == "modified_bouc_wen", hold
-        self.records = [(r, *motion(r), r.channel("force_N")) for r in records]
-        self.substep = substep * slowness((x, v) for _, x, v, _ in self.records)
+        names = [c.name for c in search.plain]
+        self.records = [(r, *motion(r, names), r.channel("force_N")) for r in records]
+        self.substep = substep * slowness((x, v) for _, x, v, *_ in self.records)
         #: Of each record: its constant command, where each of these has values of its own.
         self.commands = [float(np.median(r.command)) if search.each else None for r in records]
         #: Of each record: it is led into; else it begins at rest, or moves as if from rest.
@@ -193,8 +194,8 @@ class Problem:
         runs = core.run_records(
             self.space.law,
             [
-                core.Sets(v, r.sample_time, x, r.command, velocity, None, self.hold, led, self.substep)
-                for v, (r, x, velocity, _), led in zip(vectors, self.records, self.led, strict=True)
+                core.Sets(v, r.sample_time, x, r.command, velocity, a, self.hold, led, self.substep)
+                for v, (r, x, velocity, a, _), led in zip(vectors, self.records, self.led, strict=True)
             ],
             threads=self.threads,
         )

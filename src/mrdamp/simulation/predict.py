@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -116,6 +116,8 @@ def _filtered(model: Model, command: Array) -> bool:
 def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
     """What the simulator is driven with: inputs on a clock so many times as fine, its sample time (s), the inputs."""
     inputs = {name: np.asarray(record.channel(name)) for name in INPUTS[model.rig][1:]}
+    if model.rig == "damper":
+        inputs["displacement_m"] = displacement(record, model.attributes)
     if model.rig == "frame" and model.law != "narx":
         ground, command = (inputs[name] for name in INPUTS["frame"][1:])
         between_samples = finer(ground, command, _filtered(model, command), bool(model.hold))
@@ -141,10 +143,20 @@ def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
     return factor, found.sample_time, moved | {"acceleration_m_s2": found.a if quiet is None else quiet}
 
 
-def motion(record: Record) -> tuple[Array, Array]:
-    """Displacement (n,) m and velocity (n,) m/s that a damper is predicted with, at the samples of its record."""
-    x = repaired_ends(np.asarray(record.displacement))
-    return x, upsampled(x, np.asarray(record.command), record.sample_time, 1).v
+def displacement(record: Record, attributes: Collection[str]) -> Array:
+    """Displacement (n,) m for a model with these attributes: without its noise where the inverse of a filter
+    (`motion_lag`) would differentiate it."""
+    x = np.asarray(record.displacement)
+    return smoothed(repaired_ends(x)) if any(name.startswith("motion_lag") for name in attributes) else x
+
+
+def motion(record: Record, attributes: Collection[str] = ()) -> tuple[Array, Array, Array]:
+    """Displacement (n,) m, velocity (n,) m/s and acceleration (n,) m/s2 that drive a damper with these attributes, at
+    the samples of its record."""
+    x, u = repaired_ends(displacement(record, attributes)), np.asarray(record.command)
+    own = upsampled(x, u, record.sample_time, 1)
+    quiet = "moving_mass_m" in attributes
+    return x, own.v, upsampled(smoothed(x), u, record.sample_time, 1).a if quiet else own.a
 
 
 def carried_noise(model: Model, record: Record, force: Array) -> tuple[float, float]:
