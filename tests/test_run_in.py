@@ -169,6 +169,24 @@ def test_a_fit_of_each_resample_agrees_with_one_step_and_any_number_of_workers(
         assert b.high - b.low == pytest.approx(a.high - a.low, rel=0.25)
 
 
+def test_a_delay_of_a_held_command_is_known_to_a_sample() -> None:
+    """By hand: 15 ms at samples of 2 ms are eight of them, as is any delay from 14 to 16 ms. Two records of nine show
+    it."""
+    t, rng = 0.002 * np.arange(1000), np.random.default_rng(0)
+    train = []
+    for k in range(9):
+        w, u = 2 * np.pi * (1 + 0.2 * k), np.full(len(t), k / 8) if k < 7 else np.repeat(rng.uniform(0, 1, 20), 50)
+        v, come = 0.05 * np.cos(w * t), np.concatenate([np.full(8, u[0]), u[:-8]])
+        force = (800 + 300 * come) * v + (50 + 400 * come) * np.tanh(v / 0.004) + rng.normal(0, 2.0, len(t))
+        channels = {"displacement_m": 0.05 / w * np.sin(w * t), "command": u, "force_N": force}
+        train.append(Record(f"r{k}", None, 0.002, channels))
+    fit = identify("bingham", train, extras=("command_delay",), start={"command_delay_d": 0.015}, hold=True)
+    (row,) = (row for row in intervals(fit, train) if row.name == "command_delay_d")
+    assert row.low < 0.015 < row.high
+    assert row.high - row.low < 0.0045
+    assert not row.word
+
+
 def test_what_the_records_do_not_show_gets_a_word() -> None:
     # At one velocity amplitude far above v_ref and a square-like motion, viscous and dry friction are one number.
     t = 0.002 * np.arange(1000)

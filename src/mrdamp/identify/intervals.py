@@ -83,6 +83,17 @@ def intervals(
     parts = _blocks(problem, block)
     residual = problem.residuals(point[None])[0]
     jacobian = problem.jacobian(point, residual)
+    late = [
+        (k, max(r.sample_time for r in train) / (c.high - c.low))
+        for k, c in enumerate(fit.space.coordinates)
+        if c.name == "command_delay_d" and problem.hold
+    ]
+    for k, sample in late:
+        # A held command is late by whole samples: the force follows its delay in steps, which have no slope.
+        ends = np.clip(point + sample * np.eye(len(point))[k] * [[-1], [1]], 0, 1)
+        before, after = problem.residuals(ends)
+        jacobian[:, k] = (after - before) / np.ptp(ends[:, k])
+        residual = residual - jacobian @ np.linalg.lstsq(jacobian, residual)[0]
     rng = np.random.default_rng(seed)
     counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), resamples)
     if refit:
@@ -90,7 +101,10 @@ def intervals(
     else:
         normal = [(jacobian[p].T @ jacobian[p], jacobian[p].T @ residual[p]) for p in parts]
         found = mapped(_stepped, [(normal, row, point) for row in counts], workers)
-    points = np.clip(point + few_groups(len(parts)) * (np.array(list(found)) - point), 0, 1)[:, :n]
+    points = point + few_groups(len(parts)) * (np.array(list(found)) - point)
+    for k, sample in late:  # nor is it known within a sample
+        points[:, k] += sample * (-1.0) ** np.arange(resamples)
+    points = np.clip(points, 0, 1)[:, :n]
     return _attributes(fit, fit.space, points, _words(fit, fit.space.coordinates, points, jacobian))
 
 
