@@ -18,12 +18,12 @@ from laboratory import TRUE, identifiable, rig_tests
 from modules import CASES, needs
 from mrdamp import sets
 from mrdamp.cli import main
-from mrdamp.diagnosis.form import form_with
+from mrdamp.diagnosis.form import Form, form_with
 from mrdamp.identify import Fit, error, identify
 from mrdamp.identify.findings import findings
 from mrdamp.identify.intervals import channel_findings, intervals
 from mrdamp.identify.least_squares import bounded_least_squares
-from mrdamp.model import Model
+from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record, embedded, read_record
 from mrdamp.records.motion import slowness
@@ -300,6 +300,14 @@ def test_any_effect_is_fitted_along_by_its_name(tmp_path: Path) -> None:
     assert fit.held_out_nrmse < 0.02
     refuses(lambda: mrdamp.identify(tmp_path, "bingham", extras=["ghost"]), "allowed: auto, offset, .*, seal_friction")
     refuses(lambda: mrdamp.identify(tmp_path, "bingham", extras=["auto", "backlash"]), "finds the effects itself")
+
+
+def test_effects_fitted_along_are_told_with_all_their_numbers() -> None:
+    effects = Effect("driver_lag", {"tau": 0.012, "tau2": 0.004}), Effect("heating", {"capacity": 20.0, "kappa": 0.03})
+    model = Model("bingham", TRUE["bingham"], (*effects, Effect("gas_spring", {"f0": 3.0})))
+    lag, heat = Form(model, {"driver_lag": 0.9, "heating": None}).lines()[1:3]
+    assert lag == "  driver_lag: tau = 0.012 s, tau2 = 0.004 s"
+    assert heat == "  heating: capacity = 20 J/K, kappa = 0.03 1/K"
 
 
 def test_a_law_gives_back_what_it_took_of_an_effect() -> None:

@@ -294,6 +294,8 @@ def _found(fit: Fit, left_over: Sequence[ChannelFinding], checks: Sequence[str])
         ("channel_shift_d", "ms", 1e3, "displacement late (+) or early (-) against the force"),
         ("driver_lag_tau", "ms", 1e3, "lag of the driver"),
         ("command_delay_d", "ms", 1e3, "delay of the command"),
+        ("saturation_i_s", "A or V", 1.0, "command that saturates the field"),
+        ("gas_spring_k", "N/m", 1.0, "stiffness of a gas spring"),
     ):
         ended = any(f"{name} is at the end of its range" in check for check in checks)
         if name in attributes and not ended:

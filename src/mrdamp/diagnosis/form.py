@@ -19,9 +19,12 @@ from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
 from mrdamp.diagnosis.fits.final import final_fit, least_left_out
 from mrdamp.diagnosis.fits.screening import screen
+from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
 from mrdamp.diagnosis.problem.command_hold import with_hold
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import channel_noise
+from mrdamp.diagnosis.report.changes import unit_of
+from mrdamp.diagnosis.report.sentence import number
 from mrdamp.diagnosis.run import concluded, searched
 from mrdamp.diagnosis.searched import Progress, silent
 from mrdamp.errors import InputError
@@ -68,7 +71,13 @@ class Form:
             return ["no effect of the catalogue pays for itself on left-out records"]
         named = ", ".join(f"{c} (probability {p:.2f})" if p is not None else c for c, p in self.effects.items())
         worth = f"they leave at most {100 * self.left:.0f} % of the squared error of the law alone"
-        return [f"fitted along: {named}", f"  on records left out of the fits {worth}"]
+        sizes = [
+            f"  {e.name}: "
+            + ", ".join(number(k, v, None, unit_of(setting_name(e.name, k, e.place))) for k, v in e.parameters.items())
+            for e in self.model.effects
+            if e.name in self.effects
+        ]
+        return [f"fitted along: {named}", *sizes, f"  on records left out of the fits {worth}"]
 
     def applied(self, fit: IdentifiedFit, records: RecordSet) -> IdentifiedFit:
         """An identification with this model in place of its own, and the errors of the records with it."""
