@@ -174,7 +174,7 @@ def _further_bars(search: Search, concluded: Concluded, recalibrated: Array) -> 
         if part is not None:
             name = "+ " + " + ".join(part.hypothesis.causes)
             bars.append(step(name, heldout(whole, _on_whole(search, whole, part))))
-    return [*bars, step("+ " + " + ".join(causes), handed.heldout)]
+    return [*bars, step("+ " + " + ".join(handed.fit.hypothesis.causes or causes), handed.heldout)]
 
 
 def _by_files(simulators: Mapping[str, tuple[Model, Array]], problem: Problem) -> tuple[dict[str, float], list[str]]:

@@ -13,9 +13,9 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.damper_run import search_damper
 from mrdamp.diagnosis.evidence.changed import since_baseline
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
-from mrdamp.diagnosis.evidence.further import with_further
+from mrdamp.diagnosis.evidence.further import with_further, with_unnamed
 from mrdamp.diagnosis.evidence.judgement import likely, never_worse, with_nearest
-from mrdamp.diagnosis.fits.final import FinalFit, final_fit
+from mrdamp.diagnosis.fits.final import FinalFit, final_fit, least_left_out
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.frame_run import search_frame
 from mrdamp.diagnosis.problem.command_hold import with_hold
@@ -76,5 +76,11 @@ def concluded(found: Searched, progress: Progress = silent) -> Concluded:
     if decision.chosen is not before:
         final, regimes = fitted()
     final, decision = never_worse(search, fits, final, decision)
+    if decision.verdict == "effect" and search.missed:
+        parent = least_left_out(search, fits[decision.chosen.index])
+        more = with_unnamed(search, parent)
+        if more is not parent:
+            tried = final_fit(search, more, mend=False, rig=found.rig)
+            final = min(final, tried, key=lambda one: one.problem.cost(one.heldout))
     by_law = law_handed_over(other, final) if other is not None and decision.verdict == "unknown" else None
     return Concluded(fits, decision, regimes, final, by_law or final, other)

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, LAW, SECOND_CAUSE
+from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, LAW, MATERIAL, SECOND_CAUSE
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.penalties import gone, of_itself, of_law, unreferenced
 from mrdamp.diagnosis.evidence.verdict import Decision
-from mrdamp.diagnosis.fits.final import least_left_out
+from mrdamp.diagnosis.fits.final import in_file, least_left_out
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 
@@ -52,6 +52,21 @@ def with_further(search: Search, fits: Sequence[Fit], decision: Decision) -> tup
             decision, chosen=chosen, probabilities=(*shares, mass * probability), unexplained=left
         )
     return fits, decision
+
+
+def with_unnamed(search: Search, found: Fit) -> Fit:
+    """A fit with one more effect that takes MATERIAL off its left-out squares, in the cells and in all; else as it is.
+
+    Such an effect is handed over and not named: curves of the command in place of the law's coefficients, which a model
+    file does not have, may explain as much.
+    """
+    if search.solved(found):
+        return found
+    tried = [f for f in search.beside(found) if in_file(search.problem.rig, f)]
+    best = min(tried, key=search.left_out_cost, default=found)
+    in_cells = search.ratio(search.predicted(best), search.predicted(found))
+    in_all = search.left_out_cost(best) / search.left_out_cost(found)
+    return best if max(in_cells, in_all) <= 1 - MATERIAL else found
 
 
 def _freed(search: Search, fits: Sequence[Fit], decision: Decision) -> tuple[list[Fit], Decision]:

@@ -110,7 +110,10 @@ def _sentence(d: Diagnosis) -> str:
         rivals = [(name, p) for name, p in rivals if (p >= TIE_PROBABLE * best) == close]
         if rivals:
             said += f" {text} {', '.join(f'{name} (probability {p:.2f})' for name, p in rivals)}."
-    return f"{said} With {them} in the simulator, {shrink}; {noise}.{_rest(d)}"
+    last = d.waterfall[-1].name.removeprefix("+ ").split(" + ") if d.waterfall else []
+    unnamed = " and ".join(cause for cause in last if cause not in named)
+    more = f" and with {unnamed}, which is not established," if unnamed else ""
+    return f"{said} With {them}{more} in the simulator, {shrink}; {noise}.{_rest(d)}"
 
 
 def _corrected(g: Gap) -> str:
