@@ -12,7 +12,7 @@ from mrdamp.diagnosis.answer import named_effects, widened
 from mrdamp.diagnosis.constants import MATERIAL, UNSTEADY
 from mrdamp.diagnosis.evidence import judgement
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
-from mrdamp.diagnosis.evidence.further import with_further
+from mrdamp.diagnosis.evidence.further import with_further, with_unnamed
 from mrdamp.diagnosis.evidence.judgement import decided, likely, never_worse, scored
 from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.evidence.verdict import Decision
@@ -28,7 +28,7 @@ from toy_rig import ToyRig, toy
 
 def found(noise: float = 0.02, **truth: float) -> tuple[Search, list[Fit], Decision]:
     """A search in records of a toy with a part that the catalogue lacks; single causes alone are decided on."""
-    search = Search(Problem(toy({"outside": 0.4, **truth}, records=6, noise=noise)), 1e-6)
+    search = Search(Problem(toy({"outside": 0.4} | truth, records=6, noise=noise)), 1e-6)
     for free in (False, True):
         search.extend(free, 1)
     fits = [*search.ranked(False), *search.ranked(True)]
@@ -91,6 +91,17 @@ def test_no_second_cause_is_added(noise: float, truth: dict[str, float], verdict
     assert search.inexact is (floor < 1)
     decision = replace(decision, verdict=verdict)
     assert with_further(search, fits, decision) == (fits, decision)
+
+
+@pytest.mark.parametrize(("truth", "causes"), [({"sign": 0.12}, ("offset", "sign")), ({}, ("offset",))])
+def test_what_is_not_worth_a_cause_may_be_handed_over(truth: dict[str, float], causes: tuple[str, ...]) -> None:
+    """In the noise of .2 a friction of .12 is a quarter of the squares: no cause, and more than MATERIAL of them."""
+    search, fits, decision = found(noise=0.2, offset=0.8, outside=0.0, **truth)
+    parent = fits[decision.chosen.index]
+    assert with_further(search, fits, decision)[1].chosen.causes == parent.hypothesis.causes == ("offset",)
+    more = with_unnamed(search, parent)
+    assert tuple(sorted(more.hypothesis.causes)) == causes
+    assert not truth or more.settings["sign"] == pytest.approx(0.12, rel=0.1)
 
 
 @pytest.mark.parametrize("own", [0.0, 1e-3])
