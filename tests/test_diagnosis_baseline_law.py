@@ -160,6 +160,18 @@ def test_a_cause_that_the_simulator_misses_on_the_baseline_too_is_no_change() ->
     assert abs(evidence(0.0, 0.04, levels=False)) < 0.5
 
 
+def test_beside_a_lag_that_is_missed_a_new_bias_is_a_change() -> None:
+    """Both states have a lag of 40 ms; the case's force reads 30 N too much besides."""
+    own = tuple(record(f"baseline_{k}", test, 20 + k, lag=0.04) for k, test in enumerate(TESTS))
+    off = tuple(r.with_channels({"force_N": r.channel("force_N") + 30}) for r in records(0.04))
+    changed = DamperRig(lines(), off)
+    terms = {t.name: t for t in changed.terms}
+    case, hypothesis = Problem(changed, coarse=True), Hypothesis((), (terms["driver_lag"], terms["sensor_offset"]))
+    found = fit(case, hypothesis, hypothesis.start())
+    nats = evidence_of_change(found, changed.nominal, case, Problem(replace(changed, records=own), coarse=True))
+    assert nats["driver_lag"] < SECOND_CAUSE < 10 < nats["sensor_offset"]
+
+
 def test_what_a_set_loses_goes_to_the_one_without_the_cause_or_to_an_unknown_one() -> None:
     terms = {t.name: t for t in rig(lines()).terms}
     sets = [(), ("driver_lag",), ("driver_lag", "seal_friction"), ("seal_friction",)]
