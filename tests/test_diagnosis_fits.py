@@ -14,7 +14,7 @@ from mrdamp.diagnosis.evidence import judgement
 from mrdamp.diagnosis.fits import alternative_forms, screening
 from mrdamp.diagnosis.fits.final import final_fit, least_left_out
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
-from mrdamp.diagnosis.fits.left_out import folds, predicted
+from mrdamp.diagnosis.fits.left_out import Curves, folds, predicted
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings, Term
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -298,3 +298,21 @@ def test_what_a_curve_of_the_command_explains_is_no_evidence_for_a_cause(cubic: 
         assert float(search.predicted(free) @ search.predicted(free)) > 20 * noise
     else:
         assert left == pytest.approx(alone, rel=0.05)
+
+
+@pytest.mark.parametrize(("before", "left"), [((1.0, 0.8), 0.5 * 1.35), ((1.0, 0.4), 0.5 / 0.4)])
+def test_curves_pay_for_their_numbers(
+    before: tuple[float, float], left: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mean squares without and with 20 numbers of curves, which cost exp(.45 x 20 / 30) = 1.35: a fit goes from 0.9 to
+    0.5. One that they take from 1.0 to 0.8 is better without them, one that they take to 0.4 with them."""
+    search = search_of(toy(TRUTH))
+    n = search.problem.samples
+    search.curves = Curves(np.zeros((n, 20)), np.ones(20))
+    squares = {"found": (0.9, 0.5), "before": before}
+    monkeypatch.setattr(
+        Search, "versions", lambda _, of: [(np.full(n, s), c) for s, c in zip(squares[of], (False, True), strict=True)]
+    )
+    search.residual = np.ones(n)
+    monkeypatch.setattr(Search, "ratio", lambda _, own, other: own[0] / other[0])
+    assert search.remains("found", "before") == pytest.approx(left, rel=1e-3)  # type: ignore[arg-type]

@@ -20,6 +20,7 @@ from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
 from mrdamp.diagnosis.fits.final import final_fit, least_left_out
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
+from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.diagnosis.problem.command_hold import with_hold
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import channel_noise
@@ -28,8 +29,8 @@ from mrdamp.diagnosis.report.sentence import number
 from mrdamp.diagnosis.run import concluded, searched
 from mrdamp.diagnosis.searched import Progress, silent
 from mrdamp.errors import InputError
+from mrdamp.identify.fit import FIT_STEPS, Problem, descend, error, model_of, pooled
 from mrdamp.identify.fit import Fit as IdentifiedFit
-from mrdamp.identify.fit import error, together
 from mrdamp.identify.laws import EXTRAS, Coordinate
 from mrdamp.model import Model, damper_effects
 from mrdamp.records import Record, RecordSet
@@ -109,14 +110,28 @@ def form_with(
             if not (tried := search.keep_tried(tasks)):
                 raise InputError(f"{records[0].label}: no form of {cause} that these records could show")
             found = least_left_out(search, min(tried, key=lambda f: f.cost))
-        final = final_fit(search, found, mend=False, rig=rig)
+        final = final_fit(search, found, rig=rig)
     left = search.left_out_cost(found) / search.left_out_cost(search.base)
-    terms = found.hypothesis.terms
-    more = [Coordinate(c.name, c.start, c.low, c.high, c.log) for term in terms for c in term.coordinates]
-    forms = {name: value for term in terms for name, value in term.fixed.items()}
     progress("fitting all together", 1.0)
-    whole = together(alone, rig.model(final.fit.settings), records, more, forms, threads)
+    whole = _together(alone, rig.model(final.fit.settings), found.hypothesis.terms, records, threads)
     return Form(whole, dict.fromkeys(causes), left)
+
+
+def _together(
+    alone: IdentifiedFit, model: Model, terms: Sequence[Term], records: Sequence[Record], threads: int
+) -> Model:
+    """A model with its law and its effects fitted together from where they are; as it is if that is no nearer.
+
+    alone: the fit of its law without them, which has taken their place as far as it could and is moved back.
+    """
+    assert alone.space is not None
+    more = tuple(Coordinate(c.name, c.start, c.low, c.high, c.log) for term in terms for c in term.coordinates)
+    fixed = {name: value for term in terms for name, value in term.fixed.items()}
+    search = replace(alone.space, plain=(*alone.space.plain, *more), fixed=fixed)
+    problem = Problem(search, records, threads, freed=False, hold=bool(model.hold))
+    found = model_of(search, descend(problem, search.point(model.attributes), FIT_STEPS)[2])
+    moved = replace(model, parameters={**model.parameters, **found.parameters}, effects=found.effects)
+    return min((model, moved), key=lambda m: pooled([error(m, r) for r in records]))
 
 
 def form_of(

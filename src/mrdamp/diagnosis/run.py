@@ -66,8 +66,7 @@ def concluded(found: Searched, progress: Progress = silent) -> Concluded:
     progress("fitting the corrected simulator", 0.7)
 
     def fitted() -> tuple[FinalFit, dict[str, tuple[RegimeEstimate, ...]]]:
-        chosen = fits[decision.chosen.index]
-        final = final_fit(search, chosen, mend=bool(chosen.hypothesis.coordinates), rig=found.rig)
+        final = final_fit(search, least_left_out(search, fits[decision.chosen.index]), rig=found.rig)
         causes = decision.chosen.causes if decision.verdict == "effect" else ()
         return final, {cause: by_regime(final.problem, final.fit, cause) for cause in causes}
 
@@ -80,7 +79,7 @@ def concluded(found: Searched, progress: Progress = silent) -> Concluded:
         parent = least_left_out(search, fits[decision.chosen.index])
         more = with_unnamed(search, parent)
         if more is not parent:
-            tried = final_fit(search, more, mend=False, rig=found.rig)
+            tried = final_fit(search, more, rig=found.rig)
             final = min(final, tried, key=lambda one: one.problem.cost(one.heldout))
     by_law = law_handed_over(other, final) if other is not None and decision.verdict == "unknown" else None
     return Concluded(fits, decision, regimes, final, by_law or final, other)

@@ -14,16 +14,7 @@ from scipy.stats import qmc
 
 from mrdamp.errors import InputError, nearest
 from mrdamp.identify.excerpts import excerpts, is_led, skipped
-from mrdamp.identify.laws import (
-    DEPENDENCES,
-    OF_COMMAND,
-    Coordinate,
-    Dependence,
-    Scales,
-    Space,
-    dependence_for,
-    space,
-)
+from mrdamp.identify.laws import DEPENDENCES, OF_COMMAND, Dependence, Scales, Space, dependence_for, space
 from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.model import Model, core, effects_from
 from mrdamp.model.core import Array, attribute_index
@@ -38,7 +29,7 @@ from mrdamp.simulation.predict import free_run, motion
 #: Samples that the starts are compared on; where a set is longer, each record gives its liveliest part.
 _SEARCH_SAMPLES = 6_000
 #: Steps of one local fit, in the search and in the last fit.
-_SEARCH_STEPS, _FIT_STEPS = 20, 30
+_SEARCH_STEPS, FIT_STEPS = 20, 30
 #: The second best end of the search is continued if its cost is within this factor of the best one's.
 _CLOSE = 1.15
 #: The starts of records that begin in motion are kept as fitted if the cost without them is larger by this: a tenth of
@@ -308,13 +299,13 @@ def identify(
     for count, (freed, (_, order, point)) in enumerate(product(ways, last)):
         say(f"final fit {count + 1} of {len(ways) * len(last)}", 0.7 + 0.07 * count)
         full.freed = freed
-        end = descend(full, full.begin(point[:n]), _FIT_STEPS, order)
+        end = descend(full, full.begin(point[:n]), FIT_STEPS, order)
         ends[freed] = min(ends.get(freed, end), end, key=lambda item: item[:2])
     full.freed = True in ends and ends[False][0] > _PAYS * ends[True][0]
     reached, _, best = ends[full.freed]
     if hold is None and varying:
         full.hold = not first_hold
-        other = descend(full, best, _FIT_STEPS)
+        other = descend(full, best, FIT_STEPS)
         if other[0] < 0.999 * reached:
             best = other[2]
         else:
@@ -322,7 +313,7 @@ def identify(
     before = list(full.led)
     again = full.choose_starts(best)
     if full.led != before:
-        best = descend(full, again, _FIT_STEPS)[2]
+        best = descend(full, again, FIT_STEPS)[2]
     model = model_of(search, best[:n])
     model = replace(model, sample_rate_hz=round(1 / train[0].sample_time, 6))
     model = within(model, np.concatenate([record.command for record in train]))
@@ -381,23 +372,6 @@ def model_of(search: Space, point: Array, command: float | None = None) -> Model
     parameters = {key: attributes[key] for key in core.law_parameters(search.law)}
     parameters |= {key: value for key, value in attributes.items() if key in mine and key not in parameters}
     return Model(search.law, parameters, effects_from(attributes), name=f"{search.law} fit")
-
-
-def together(
-    alone: Fit, model: Model, train: Sequence[Record], more: Sequence[Coordinate], fixed: Mapping[str, float],
-    threads: int,
-) -> Model:
-    """A model with its law and its effects fitted together from where they are; as it is if that is no nearer.
-
-    alone: the fit of its law without them, which has taken their place as far as it could and is moved back. more: free
-    attributes of the effects. fixed: their attributes that are not free.
-    """
-    assert alone.space is not None
-    search = replace(alone.space, plain=(*alone.space.plain, *more), fixed=fixed)
-    problem = Problem(search, train, threads, freed=False, hold=bool(model.hold))
-    found = model_of(search, descend(problem, search.point(model.attributes), _FIT_STEPS)[2])
-    moved = replace(model, parameters={**model.parameters, **found.parameters}, effects=found.effects)
-    return min((model, moved), key=lambda m: pooled([error(m, r) for r in train]))
 
 
 def within(model: Model, commands: Array) -> Model:

@@ -12,7 +12,6 @@ import numpy as np
 
 from mrdamp.errors import InputError, require_kind, require_one_of, require_positive
 from mrdamp.model.attributes import (
-    MISREADING,
     Attribute,
     attribute_index,
     attributes,
@@ -37,7 +36,6 @@ from mrdamp.model.native import (
 
 __all__ = [
     "COLUMNS",
-    "MISREADING",
     "Array",
     "Attribute",
     "FrameInput",
@@ -57,7 +55,6 @@ __all__ = [
     "run_in",
     "run_many",
     "run_records",
-    "true_motion",
     "vector",
 ]
 
@@ -224,18 +221,6 @@ def run_in(dt: float, x: Array, u: Array, v: Array | None = None) -> slice | Non
     begin, end = ctypes.c_int(), ctypes.c_int()
     checked(library().mrdamp_run_in, dt, len(x), *given, ctypes.byref(begin), ctypes.byref(end))
     return slice(begin.value, end.value) if begin.value < end.value else None
-
-
-def true_motion(
-    attributes: Mapping[str, float], dt: float, x: Array, v: Array, a: Array
-) -> tuple[Array, Array, Array]:
-    """The motion x (m), v (m/s), a (m/s2), (n,) each, that a channel with the effects `channel_shift` and `motion_lag`
-    of `attributes` has recorded as x, v, a at steps of dt (s)."""
-    own = [attributes.get(name, 0.0) for name in MISREADING]
-    moved = [np.array(channel, dtype=np.float64) for channel in (x, v, a)]
-    if any(own):
-        library().mrdamp_true_motion(*own, dt, len(x), *map(pointer, moved))
-    return moved[0], moved[1], moved[2]
 
 
 def run(

@@ -18,8 +18,9 @@ from scipy import signal
 from mrdamp.errors import InputError, nearest
 from mrdamp.files import read_json, write_atomic
 from mrdamp.model import core, schema
-from mrdamp.model.attributes import effects
+from mrdamp.model.attributes import MISREADING, effects
 from mrdamp.model.core import Array
+from mrdamp.model.native import pointer
 from mrdamp.structures import ShearFrame
 
 #: s, the damper's longest inner step in a frame (which is stepped with half of it): a damper whose command jumps rings
@@ -321,7 +322,7 @@ def effects_from(attributes: Mapping[str, float]) -> tuple[Effect, ...]:
 
 def recorded(x: Array, dt: float, attributes: Mapping[str, float]) -> Array:
     """A displacement (n,), m, as its channel reads it: late (`channel_shift`), filtered or averaged (`motion_lag`)."""
-    shift, tau, width = (attributes.get(name, 0.0) for name in core.MISREADING)
+    shift, tau, width = (attributes.get(name, 0.0) for name in MISREADING)
     t = dt * np.arange(len(x))
     if tau > 0:  # exact for straight lines between samples
         decay = np.exp(-dt / tau)
@@ -334,6 +335,16 @@ def recorded(x: Array, dt: float, attributes: Mapping[str, float]) -> Array:
         mean = (np.interp(high, t, path) - np.interp(low, t, path)) / np.maximum(high - low, dt)
         x = np.where(high > low, mean, x)
     return np.interp(t - shift, t, x) if shift else x
+
+
+def true_motion(attributes: Mapping[str, float], dt: float, x: Array, v: Array, a: Array) -> tuple[Array, ...]:
+    """The inverse of `recorded`: displacement (m), velocity (m/s) and acceleration (m/s2), (n,) each, of the motion
+    that a channel has recorded as x, v, a at steps of dt (s)."""
+    moved = tuple(np.array(channel, dtype=np.float64) for channel in (x, v, a))
+    own = [attributes.get(name, 0.0) for name in MISREADING]
+    if any(own):
+        core.library().mrdamp_true_motion(*own, dt, len(x), *map(pointer, moved))
+    return moved
 
 
 def floor_channels(out: Mapping[str, Array], dt: float, attributes: Mapping[str, float]) -> dict[str, Array]:

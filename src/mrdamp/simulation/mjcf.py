@@ -13,7 +13,8 @@ from pathlib import Path
 from mrdamp import models_xml
 from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
-from mrdamp.model import FLOOR_SENSOR_EFFECTS, Model, core
+from mrdamp.model import FLOOR_SENSOR_EFFECTS, Model
+from mrdamp.model.attributes import MISREADING
 from mrdamp.structures import ShearFrame
 
 #: s, engine's steps of the rig, and of a frame: after a jump of its command a damper rings with its floor near 100 Hz,
@@ -260,7 +261,7 @@ def _sensors(root: ET.Element, model: Model) -> None:
 def add_sensor(group: ET.Element, signal: str, name: str, actuator: str, model: Model) -> None:
     """Appends the sensor of one of `SIGNALS` of a damper (an actuator's name) to a group of sensors."""
     # Only the plugin can give a stroke as a channel at fault reads it.
-    misread = any(model.attributes.get(name, 0.0) for name in core.MISREADING)
+    misread = any(model.attributes.get(name, 0.0) for name in MISREADING)
     if signal in _ENGINES and not (signal == "stroke" and misread):
         ET.SubElement(group, _ENGINES[signal], name=name, actuator=actuator)
     else:

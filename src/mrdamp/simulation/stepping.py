@@ -13,6 +13,7 @@ import numpy as np
 from mrdamp.errors import InputError, diverged, require_kind, require_period, require_positive
 from mrdamp.model import Model, core, floor_channels
 from mrdamp.model.core import Array
+from mrdamp.model.damper import true_motion
 from mrdamp.motions import GroundMotion
 from mrdamp.records.log_filter import between
 from mrdamp.simulation.floor_sensors import FloorSensors
@@ -79,7 +80,7 @@ def drive_rig(
         v, a, u = (np.append(channel[before], channel) for channel in (v, a, u))
     n, inner = len(x), _steps(dt, largest_step)
     t = dt * np.arange(n)
-    x, v, a = core.true_motion(model.attributes, dt, x, v, a)
+    x, v, a = true_motion(model.attributes, dt, x, v, a)
     fine = dt / inner * np.arange((n - 1) * inner + 1)
     rod, rod_velocity = _straight(x, v, dt, inner)
     acceleration, command = np.interp(fine, t, a), between(u, inner, False, bool(model.hold))

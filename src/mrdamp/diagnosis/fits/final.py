@@ -46,13 +46,11 @@ def heldout(problem: Problem, found: Fit) -> Array:
     return problem.gaps(predicted(problem, found, folds(problem)))
 
 
-def final_fit(search: Search, chosen: Fit, *, mend: bool = True, rig: Rig | None = None) -> FinalFit:
-    """The fit of the chosen causes with the least error on left-out folds (`mend`; else the chosen one), continued with
-    the full step of the chain, as the handed-over simulator runs.
+def final_fit(search: Search, best: Fit, *, rig: Rig | None = None) -> FinalFit:
+    """A fit continued with the full step of the chain, as the handed-over simulator runs.
 
     rig: with the whole records, if the search used excerpts.
     """
-    best = least_left_out(search, chosen) if mend else chosen
     if not best.converged and best.hypothesis.coordinates:
         further = search.fitted(best.hypothesis, best.point, most=_THROUGH, stage=" through")
         best = min(further, best, key=lambda f: f.cost)
@@ -64,12 +62,14 @@ def final_fit(search: Search, chosen: Fit, *, mend: bool = True, rig: Rig | None
 
 
 def least_left_out(search: Search, chosen: Fit) -> Fit:
-    """The fit of the chosen causes with the least error on left-out folds, of those that a model file takes. Parameters
-    of a form count as those of a cause.
+    """The fit of the chosen causes with the least error on left-out folds, of those that a model file takes; of the
+    nominal simulator itself. Parameters of a form count as those of a cause.
 
     Nominal parameters stay fixed unless free ones reduce the error by _FREER: they were identified on this
     rig.
     """
+    if not chosen.hypothesis.coordinates:
+        return chosen
     causes, rig = set(chosen.hypothesis.causes), search.problem.rig
     found = {
         free: min(
