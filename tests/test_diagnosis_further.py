@@ -73,6 +73,20 @@ def test_of_two_causes_that_are_named_each_is_more_probable_than_not(pair: float
     assert set(more[after.chosen.index].hypothesis.causes) == named
 
 
+@pytest.mark.parametrize(("none", "verdict"), [(0.7, "none"), (0.4, "unknown")])
+def test_no_gap_is_said_if_it_is_more_probable_than_not(none: float, verdict: str) -> None:
+    """none: probability that no cause takes; the offset has the rest."""
+    search, fits, decision = found(offset=0.5)
+    place = {f.hypothesis.causes: k for k, f in enumerate(fits) if not f.hypothesis.nominal}
+    share = np.zeros(len(fits))
+    share[[place[()], place["offset",]]] = none, 1 - none
+    quiet = replace(decision, verdict="none", probabilities=tuple(share), unknown=0.0)
+    after = likely(search, quiet, fits, {})
+    assert after.verdict == verdict
+    if verdict == "unknown":  # and the simulator is left as it is
+        assert not fits[after.chosen.index].hypothesis.coordinates
+
+
 @pytest.mark.parametrize(
     ("noise", "truth", "verdict", "floor"),
     [

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from operator import itemgetter
 from typing import cast
 
 import numpy as np
@@ -176,18 +177,18 @@ def evidence_of_change(
         made = fit(problem, Hypothesis(nominal, tuple(t for t, _ in parts)), start, most=_STEPS)
         return made, predicted(problem, made, left)
 
-    def evidence(place: int, how: tuple[_Acts, ...]) -> float:
+    def evidence(place: int, how: tuple[_Acts, ...]) -> tuple[float, _Acts]:
+        """Nats of a cause, the others acting so, and how it acts by these."""
         tried = [fitted((*how[:place], acts, *how[place + 1 :])) for acts in (_new, _grown, _missed)]
-        best = min((f for f, _ in tried), key=lambda f: f.cost).residual
+        least = min((f for f, _ in tried), key=lambda f: f.cost).residual
         *changed, missed = (residual for _, residual in tried)
         nats = [
-            -EVIDENCE_GAIN * sum(np.log(ratio(one[of], missed[of], numbers, best[of])) for of, numbers in states)
+            -EVIDENCE_GAIN * sum(np.log(ratio(one[of], missed[of], numbers, least[of])) for of, numbers in states)
             for one in changed
         ]
-        return float(max(nats[0], nats[1] - NUMBER * len(terms[place].coordinates)))
+        best, acts = max((nats[0], _new), (nats[1] - NUMBER * len(terms[place].coordinates), _grown), key=itemgetter(0))
+        return float(best), acts if best > SECOND_CAUSE else _missed
 
-    how = (_new,) * len(terms)
-    nats = [evidence(place, how) for place in range(len(terms))]
-    how = tuple(_missed if n < 0 else _new for n in nats)
-    nats = [evidence(place, how) for place in range(len(terms))]
-    return {t.cause: n for t, n in zip(terms, nats, strict=True)}
+    how: tuple[_Acts, ...] = (_new,) * len(terms)
+    how = tuple(evidence(place, how)[1] for place in range(len(terms)))
+    return {t.cause: evidence(place, how)[0] for place, t in enumerate(terms)}

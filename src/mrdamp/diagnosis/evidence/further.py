@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, LAW, MATERIAL, SECOND_CAUSE
+from mrdamp.diagnosis.constants import CAUSE, LAW, MATERIAL, SECOND_CAUSE
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.penalties import gone, of_itself, of_law, unreferenced
@@ -20,9 +20,6 @@ from mrdamp.diagnosis.fits.search import Search
 
 #: Largest number of causes.
 _MOST = 3
-#: What the next rival leaves over what a further cause leaves, at least. Left-out squares of one cause differ by a few
-#: per cent from split to split of four measured rigs, and beside a wrong law a second cause and its rivals gain alike.
-_MARGIN = 1.1
 
 
 def with_further(search: Search, fits: Sequence[Fit], decision: Decision) -> tuple[list[Fit], Decision]:
@@ -106,7 +103,7 @@ def _further(search: Search, parent: Fit) -> tuple[Fit, float] | None:
     for name, p in zip([(), *names], softmax([0.0, *worth]), strict=True):
         sets[name] = sets.get(name, 0.0) + float(p)
     found = standing(sets)
-    if found is None or not found.probability > max(0.5, found.others * _MARGIN**EVIDENCE_GAIN):
+    if found is None or not found.probability > 0.5:
         return None
     own = [k for k, f in enumerate(tried) if f.hypothesis.causes[-1] == found.causes[0]]
     return tried[max(own, key=lambda k: worth[k])], found.probability
