@@ -18,6 +18,7 @@ from mrdamp.diagnosis.attribution.stage_columns import columns_of
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.case.folder import Case, read_case
+from mrdamp.diagnosis.constants import STAGE_TEMPER
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.resample import DRAWS
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, decide
@@ -268,6 +269,16 @@ def test_the_stage_of_a_fault_that_no_catalogue_has(name: str) -> None:
     assert shares[stage] > 0.5
     low, high = intervals[stage]
     assert low - 1e-9 <= shares[stage] <= high + 1e-9
+
+
+def test_beside_a_law_that_is_not_the_rigs_stages_are_stated_with_less_confidence() -> None:
+    search = searched(FAULTS["slow clock"][1])
+    sure, unsure = (StageEvidence.of(search.problem, NOISE, exact=exact) for exact in (True, False))
+    assert sure is not None
+    assert unsure is not None
+    first, second = sorted(sure.at().values(), reverse=True)[:2]
+    unsure_first, unsure_second = sorted(unsure.at().values(), reverse=True)[:2]
+    assert unsure_first / unsure_second == pytest.approx((first / second) ** (1 / STAGE_TEMPER))
 
 
 def test_beside_a_wrong_law_the_stages_are_those_of_the_candidates() -> None:

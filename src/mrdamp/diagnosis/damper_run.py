@@ -136,7 +136,8 @@ class DamperSearched(Searched):
         search, put_in = self.search, parts(self.rig, float(self.noise.levels[0]))
         evidence = None
         if verdict == "unknown" and self.case.question != "missed":
-            evidence = StageEvidence.of(search.problem, float(self.noise.levels[-1]))
+            exact = 0 < search.own <= INEXACT * search.floor
+            evidence = StageEvidence.of(search.problem, float(self.noise.levels[-1]), exact=exact)
         drawn = put_in.drawn if put_in.found else None
         stages, intervals = stage_shares(search, chosen, verdict, put_in.found, drawn, evidence, causes)
         return Where(

@@ -19,7 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.diagnosis.attribution.stage_columns import Columns, columns_of
-from mrdamp.diagnosis.constants import INDEPENDENT, NUMBER, RANDOM_PENALTY, RANDOM_STAGES, WAVERING
+from mrdamp.diagnosis.constants import (
+    INDEPENDENT,
+    NUMBER,
+    RANDOM_PENALTY,
+    RANDOM_STAGES,
+    STAGE_TEMPER,
+    WAVERING,
+)
 from mrdamp.diagnosis.evidence.resample import draws, seconds
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
@@ -48,9 +55,9 @@ class StageEvidence:
     values: Array
 
     @classmethod
-    def of(cls, problem: Problem, noise: float) -> StageEvidence | None:
+    def of(cls, problem: Problem, noise: float, *, exact: bool = True) -> StageEvidence | None:
         """Evidence from the nominal simulator's error in a damper's last channel; None for another rig. noise: standard
-        deviation, N."""
+        deviation, N. exact: the law is the rig's."""
         if not isinstance(problem.rig, DamperRig):
             return None
         errors = _Errors(problem)
@@ -72,7 +79,7 @@ class StageEvidence:
         for stage in evidence:
             rare = 0.0 if stage in RANDOM_STAGES else RANDOM_PENALTY
             evidence[stage] = evidence[stage] + unexplained * (WAVERING * plain[stage] - rare)
-        return cls(tuple(evidence), np.column_stack(list(evidence.values())))
+        return cls(tuple(evidence), np.column_stack(list(evidence.values())) / (1.0 if exact else STAGE_TEMPER))
 
     def at(self, draw: int | None = None) -> dict[str, float]:
         """Shares by stage, adding up to 1; of a bootstrap draw if its index is given."""
