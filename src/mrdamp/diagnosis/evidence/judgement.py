@@ -140,13 +140,13 @@ def never_worse(
     it on left-out whole records, or if no model file takes it.
 
     The fit has to take MATERIAL of the squares of `Search.reference` off on left-out folds, in the cells or, with a
-    named cause, in all; a cause that channels show without a law may be small. Where its file predicts another gap than
-    the fit has, as noise of the motion may act on a law, the file's gap has to be as much smaller too. A correction
-    without a cause that holds in all squares alone made one of four measured simulators 8 % worse on records that were
-    kept back. Without a cause nothing is known to have changed: by its file, it has to hold on the baseline too. Of
-    thirteen such corrections on opened cases ten did not, and made the gap there up to 3.8 times as large; two of these
-    were of unchanged rigs. What a simulator leaves of records that it was identified on is no measure for records left
-    out: there, whole records are not compared with it.
+    named cause, in all; a cause that channels or loops show without a law may be small. Where its file predicts another
+    gap than the fit has, as noise of the motion may act on a law, the file's gap has to be as much smaller too. A
+    correction without a cause that holds in all squares alone made one of four measured simulators 8 % worse on records
+    that were kept back. Without a cause nothing is known to have changed: by its file, it has to hold on the baseline
+    too. Of thirteen such corrections on opened cases ten did not, and made the gap there up to 3.8 times as large; two
+    of these were of unchanged rigs. What a simulator leaves of records that it was identified on is no measure for
+    records left out: there, whole records are not compared with it.
     """
     if decision.verdict == "none":
         return final, decision
@@ -160,7 +160,9 @@ def never_worse(
         left, most = search.ratio(search.predicted(chosen), before), 1 - MATERIAL
         if decision.verdict == "effect":
             left = min(left, search.left_out_cost(chosen) / float(before @ before))
-            most = 1.0 if any(search.direct.get(cause) for cause in decision.chosen.causes) else most
+            seen = {cause for cause, nats in search.direct.items() if nats}
+            seen |= {"backlash"} if search.clearance else set()
+            most = 1.0 if seen & set(decision.chosen.causes) else most
             placed = any("@" in cause for cause in decision.chosen.causes)  # a structure's free numbers over again
             if chosen.hypothesis.nominal and search.own and not placed:
                 law = float(search.law_alone @ search.law_alone)
