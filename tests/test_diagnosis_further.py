@@ -230,24 +230,6 @@ def test_a_simulator_that_was_identified_on_the_records_is_judged_by_left_out_fi
 
 
 @pytest.mark.parametrize(
-    ("cause", "travel", "kept"), [("backlash", 1e-3, True), ("backlash", 0.0, False), ("cubic", 1e-3, False)]
-)
-def test_a_clearance_that_the_loops_show_may_be_small(
-    answered: tuple[Search, list[Fit], Decision], cause: str, travel: float, kept: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The corrected simulator takes 2 % of the squares off; a law alone lacks a travel (m) after a turn."""
-    search, fits, decision = answered
-    problem, share = search.problem, 0.99
-    final = FinalFit(next(f for f in fits if f.hypothesis.causes), share * problem.gaps(search.residual), problem)
-    monkeypatch.setattr(Search, "predicted", lambda self, found: share * self.residual)
-    monkeypatch.setattr(search, "clearance", travel, raising=False)
-    gaps = iter([share, 1.0])
-    monkeypatch.setattr(judgement, "predicted_gap", lambda model, problem: next(gaps))
-    named = replace(decision, verdict="effect", chosen=replace(decision.chosen, causes=(cause,)))
-    assert (never_worse(search, fits, final, named)[0] is final) is kept
-
-
-@pytest.mark.parametrize(
     ("verdict", "before", "kept"), [("unknown", 0.2, True), ("unknown", 0.21, False), ("effect", 0.21, True)]
 )
 def test_a_correction_without_a_cause_has_to_hold_on_the_baseline_too(

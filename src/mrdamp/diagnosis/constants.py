@@ -16,10 +16,9 @@ from collections.abc import Mapping
 #: these values, which were not set on them.
 EVIDENCE_GAIN, CAUSE, SECOND_CAUSE, NUMBER, LAW = 30.0, 6.0, 3.0, 0.45, 28.0
 #: Nats per logarithm of what is left of the squared error of the travel after a turn (`fits.stall`). On ten opened
-#: cases of a friction damper with a clearance the answer is the same from 3 to 8, on ten others 8 names it in two more
-#: than 5. Of 151 opened searches fourteen lack a travel that is a cause by itself at 5: thirteen have a clearance, one
-#: a pocket of gas.
-STALL_GAIN = 8.0
+#: cases of a friction damper with a clearance the answer is the same from 3 to 8. Of 151 opened searches fourteen lack
+#: a travel that is a cause by itself (CAUSE): thirteen have a clearance, one a pocket of gas.
+STALL_GAIN = 5.0
 #: Scale of the prior (inverse gamma) of the variance of the law's error in a cell, as a share of the mean over the
 #: cells that the best fit leaves (`fits.left_out.ratio`): a cell that the simulator fits already has no say. The open
 #: cases have the same answers from .05 to .3.

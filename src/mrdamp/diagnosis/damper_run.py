@@ -16,7 +16,7 @@ from mrdamp.diagnosis.case.coverage import within
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared, compared, sensor_unexplained
 from mrdamp.diagnosis.channels.motion import motion
-from mrdamp.diagnosis.constants import INEXACT, UNSTEADY
+from mrdamp.diagnosis.constants import CAUSE, INEXACT, STALL_GAIN, UNSTEADY
 from mrdamp.diagnosis.evidence.judgement import decided, unexplained
 from mrdamp.diagnosis.evidence.penalties import of_damper
 from mrdamp.diagnosis.evidence.verdict import Decision
@@ -85,7 +85,10 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         for c in moved
         if c.term is not None and c.settings is not None
     ]
-    for term in (*known, *late, *_clearance(search)):
+    clearances = _clearance(search)
+    if clearances and not case.baseline:  # the loops show it: it needs no evidence to be one cause more
+        search.direct = {**search.direct, clearances[0].cause: CAUSE}
+    for term in (*known, *late, *clearances):
         search.begin_with([term])
     if 1 < len(known) <= search.limits.depth:
         search.begin_with(known)
@@ -155,8 +158,10 @@ def _compared(rig: DamperRig, records: tuple[Record, ...]) -> tuple[tuple[Compar
 
 def _clearance(search: Search) -> list[Term]:
     """A clearance of the travel after a turn that the law alone lacks, if that travel is a cause by itself."""
-    travel = search.clearance
-    terms = [t for t in search.problem.rig.terms if travel > 0 and t.effect == "backlash"]
+    travel, left = search.stalls.missed(search.base.residual)
+    if not (travel > 0 and -STALL_GAIN * np.log(left) > CAUSE):
+        return []
+    terms = [t for t in search.problem.rig.terms if t.effect == "backlash"]
     return [replace(t, starts=((travel, t.starts[0][1]),)) for t in terms]
 
 

@@ -160,9 +160,7 @@ def never_worse(
         left, most = search.ratio(search.predicted(chosen), before), 1 - MATERIAL
         if decision.verdict == "effect":
             left = min(left, search.left_out_cost(chosen) / float(before @ before))
-            seen = {cause for cause, nats in search.direct.items() if nats}
-            seen |= {"backlash"} if search.clearance else set()
-            most = 1.0 if seen & set(decision.chosen.causes) else most
+            most = 1.0 if any(search.direct.get(cause) for cause in decision.chosen.causes) else most
             placed = any("@" in cause for cause in decision.chosen.causes)  # a structure's free numbers over again
             if chosen.hypothesis.nominal and search.own and not placed:
                 law = float(search.law_alone @ search.law_alone)

@@ -52,7 +52,7 @@ class Search(FitTable):
 
     rivals: fits of causes outside the catalogue; looks_like: the rival that decided the verdict. steady:
     False if two runs of one test differ by more than their noise. direct: nats, by cause, from channels that
-    measure the same quantity. missed: the simulator was identified on these records.
+    measure the same quantity, and from loops. missed: the simulator was identified on these records.
     """
 
     rivals: list[Fit] = field(default_factory=list)

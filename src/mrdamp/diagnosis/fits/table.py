@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, INEXACT, NUMBER, STALL_GAIN
+from mrdamp.diagnosis.constants import EVIDENCE_GAIN, INEXACT, NUMBER, STALL_GAIN
 from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY, ScoreTest
 from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit
 from mrdamp.diagnosis.fits.left_out import (
@@ -127,12 +127,6 @@ class FitTable:
     def stalls(self) -> Stalls:
         """Measured travels at small force after a turn."""
         return Stalls.of(self.problem)
-
-    @cached_property
-    def clearance(self) -> float:
-        """Travel (m) after a turn that the law alone lacks, if that is a cause by itself; else 0."""
-        travel, left = self.stalls.missed(self.base.residual)
-        return travel if travel > 0 and -STALL_GAIN * math.log(left) > CAUSE else 0.0
 
     @cached_property
     def folds(self) -> list[Mask]:
