@@ -279,11 +279,18 @@ class DamperRig(Simulator):
         law, names = self.nominal_model.law, columns or [_COLUMNS[c] for c in self.channels]
         out = [np.empty((len(one.settings), len(names), len(one.inputs.x))) for one in asked]
         parts, sets = [], []
+        vectors: dict[int, Array] = {}  # one for the settings of all records
+
+        def vector(one: Settings) -> Array:
+            if id(one) not in vectors:
+                vectors[id(one)] = core.vector(law, inside_of(self.base | one))
+            return vectors[id(one)]
+
         for one, made in zip(asked, out, strict=True):
             dt, hold = one.inputs.sample_time, one.inputs.hold
             for outside, rows in grouped(one.settings):
                 x, v, a = moved(outside, (one.inputs.x, one.inputs.v, one.inputs.a), dt)
-                params = np.array([core.vector(law, inside_of(self.base | one.settings[k])) for k in rows])
+                params = np.array([vector(one.settings[k]) for k in rows])
                 command = commanded(outside, one.inputs.u, dt)
                 sets.append(core.Sets(params, dt, x, command, v, a, hold, True, dt / one.pieces))
                 parts.append((one, made, outside, rows, x, v))
