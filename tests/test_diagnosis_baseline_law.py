@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from mrdamp.diagnosis.answer import beside_given
+from mrdamp.diagnosis.attribution.baseline_law import baseline_law
 from mrdamp.diagnosis.attribution.frame_blocks import blocks
 from mrdamp.diagnosis.attribution.frame_damper import frame_baseline_law
 from mrdamp.diagnosis.case.folder import Case
@@ -25,10 +26,9 @@ from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
-from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.result import Diagnosis, Gap
+from mrdamp.diagnosis.report.result import Diagnosis, Gap, Step
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.identify import identify
 from mrdamp.model import Effect, Model
@@ -120,10 +120,11 @@ def test_the_given_simulator_is_handed_over_where_the_law_of_the_baseline_predic
     found: float, left: float
 ) -> None:
     given, other = lines(), replace(lines(), name="found")
-    again = BaselineLaw(given, other, "linear", 0.2, 0.1, 0.15)
-    model, gap = beside_given(again, other, Gap(0.5, 0.4, found, 0.0, (0.0, 1.0), left_out=found), 0.2)
+    bar = Step("nominal", 0.2, (0.1, 0.3))
+    model, gap = beside_given(given, other, Gap(0.2, 0.4, found, 0.0, (0.0, 1.0), left_out=found), bar)
     assert model is (given if found > 0.2 else other)
-    assert (gap.nominal, gap.corrected, gap.left_out, gap.baseline) == (0.2, left, left, 0.15)
+    assert (gap.nominal, gap.corrected, gap.left_out) == (0.2, left, left)
+    assert gap.interval == ((0.1, 0.3) if found > 0.2 else (0.0, 1.0))
 
 
 @pytest.mark.slow
@@ -135,7 +136,11 @@ def test_the_given_simulator_stands_first_in_the_answer() -> None:
     assert found.baseline_law is not None
     assert [s.name for s in found.waterfall[:2]] == ["nominal", "law of the baseline"]
     assert found.gap.corrected < found.baseline_law["gap"] < found.gap.nominal
-    assert found.waterfall[0].gap == pytest.approx(found.gap.nominal, rel=0.02)
+    assert [s.gap for s in found.waterfall[:2]] == [found.gap.nominal, found.baseline_law["gap"]]
+    # Of the nominal squares beyond the noise: what the law of the baseline leaves of them, less what is left at last.
+    alone, last, noise = (g**2 for g in (found.baseline_law["gap"], found.gap.left_out, found.gap.noise_floor))
+    assert found.effects[0].share == pytest.approx((alone - last) / (found.gap.nominal**2 - noise), abs=0.03)
+    assert found.effects[0].share < 0.97
     assert "identified again on the baseline" in found.sentence
     assert found.to_dict()["baseline_law"]["law"] == found.corrected.law
 

@@ -116,7 +116,7 @@ def test_an_interrupt_is_one_line_and_leaves_no_answer(
 
 def test_what_is_handed_over_is_a_model_that_loads(tmp_path: Path) -> None:
     model = Model("bingham", LAW, (Effect("driver_lag", {"tau": 0.02}),))
-    gap = Gap(0.2, 0.1, 0.01, 0.005, (0.009, 0.011))
+    gap = Gap(0.2, 0.1, 0.01, 0.005, (0.009, 0.011), left_out=0.01)
     found = Diagnosis("x", "damper", "either", "parameters", (), (), (), Where({}), gap, (), {}, model)
     steady, _, changing = read_case(write(tmp_path / "case")).records
     found = hand_over(found, [steady, changing], tmp_path / "mjcf")
@@ -132,7 +132,8 @@ def test_what_is_handed_over_is_a_model_that_loads(tmp_path: Path) -> None:
 
 
 def test_what_a_regression_leaves_of_a_frame_is_no_error_of_its_law() -> None:
-    rest, gap = Remainder(0.543, 1.0, "law", None), Gap(0.543, 0.543, 0.543, 0.01, (0.5, 0.6), ceiling=0.339)
+    rest = Remainder(0.543, 1.0, "law", None)
+    gap = Gap(0.543, 0.543, 0.543, 0.01, (0.5, 0.6), left_out=0.543, ceiling=0.339)
     found = Diagnosis("x", "frame", "either", "unknown", (), (), (), Where({"sensor": 1.0}), gap, (), {}, believed())
     said = replace(found, remainder=rest).sentence.partition("The remaining gap of 54.3 % ")[2]
     assert said == "is predicted in part by a regression on the other records, which leaves 33.9 %."

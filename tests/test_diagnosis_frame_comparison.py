@@ -13,6 +13,7 @@ import pytest
 
 from frame_case import altered, believed, case_of, late, records, without
 from mrdamp.diagnosis import frame_run
+from mrdamp.diagnosis.attribution import baseline_law as module
 from mrdamp.diagnosis.attribution.frame_blocks import blocks
 from mrdamp.diagnosis.attribution.frame_damper import damper_alone
 from mrdamp.diagnosis.attribution.frame_laws import law_handed_over, other_law
@@ -29,7 +30,6 @@ from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.frame_run import compared_without_law, reduced
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Sizes
-from mrdamp.diagnosis.problem import baseline_law as module
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.diagnosis.report.page import page

@@ -214,6 +214,8 @@ def test_a_gain_is_named_beside_a_law_that_is_not_the_rigs(tmp_path: Path) -> No
     assert found.effects[0].parameters["g"] == pytest.approx(1.2, abs=0.03)
     assert found.remainder is not None
     assert "The remaining" in found.sentence
+    left, nominal = (g**2 - found.gap.noise_floor**2 for g in (found.gap.left_out, found.gap.nominal))
+    assert found.remainder.share == pytest.approx(left / nominal)
     assert any(e.name == "gas_spring" for e in found.corrected.effects)
     assert any("there are no baseline records" in note for note in found.notes)
     # The reported gap is the file's: by the command's own path, from the file that was written.

@@ -23,13 +23,12 @@ from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.outside import PREFIX, plain
 from mrdamp.diagnosis.hypotheses.terms import KNOWN, Term
-from mrdamp.diagnosis.problem.baseline_law import BaselineLaw
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.make import with_model
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.diagnosis.problem.rig import models_of
 from mrdamp.diagnosis.report.next_test import next_test
-from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Remainder, Step, step
+from mrdamp.diagnosis.report.result import LAW_AGAIN, Candidate, Diagnosis, Gap, Named, Remainder, Step, step
 from mrdamp.diagnosis.searched import Concluded, Searched
 from mrdamp.diagnosis.signatures.loops import Signature, compared
 from mrdamp.model import Model
@@ -67,43 +66,44 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
     test, signal = next_test(search, chosen, fits, decision, ties, hidden, found.noise.levels)
     conditions, halves = _conditions(whole)
     shares, nearby = record_shares(whole, nominal), regimes(conditions, nominal, halves)
-    rest, ceiling = _remaining(search, handed, pooled(whole.gaps(nominal)), floor)
-
-    given = whole if found.again is None else whole.like(with_model(whole.rig, found.again.given))
+    again = found.again
+    given = whole if again is None else whole.like(with_model(whole.rig, again.given))
     first = given.nominal()
-    bars = [step("nominal", given.gaps(first))]
-    if found.again is not None:
-        bars.append(step("law of the baseline", whole.gaps(nominal)))
-    recalibrated = heldout(whole, _on_whole(search, whole, search.base))
-    waterfall = (*bars, *_further_bars(search, concluded, recalibrated))
     model = handed.problem.rig.model(handed.fit.settings if verdict != "none" else {})
     fitted = nominal if verdict == "none" else residual
     gaps, off = _by_files({"nominal": (case.model, nominal), "corrected": (model, fitted)}, handed.problem)
-    effects = named_effects(search, chosen, final, causes, intervals, regimes_of) if named else ()
-    notes = [*_notes(found, concluded, regimes_of), *_may_be_none(effects), *off]
+    alone = gaps["nominal"]  # of the law without a cause
+    # Of simulators that are not fitted there is one figure, that of the file.
+    bars = [step("nominal", given.gaps(first)).at(alone if again is None else predicted_gap(again.given, whole))]
+    if again is not None:
+        bars.append(step(LAW_AGAIN, whole.gaps(nominal)).at(alone))
+    recalibrated = heldout(whole, _on_whole(search, whole, search.base))
+    waterfall = (*bars, *_further_bars(search, concluded, recalibrated, bars[-1]))
     gap = Gap(
-        nominal=gaps["nominal"],
+        nominal=bars[0].gap,
         recalibrated=pooled(recalibrated),
         corrected=gaps["corrected"],
         noise_floor=floor,
         interval=waterfall[-1].interval,
-        ceiling=ceiling,
         baseline=found.before,
-        left_out=pooled(handed.heldout),
+        left_out=waterfall[-1].gap,
     )
-    alone: dict[str, Any] | None = None
-    if found.again is not None:
-        alone = {**found.again.to_dict(), "gap": gap.nominal}
-        left = gap.corrected
-        model, gap = beside_given(found.again, model, gap, predicted_gap(found.again.given, whole))
-        if model is found.again.given:
+    effects = named_effects(search, chosen, final, causes, intervals, regimes_of) if named else ()
+    if again is not None:  # the fit's shares are of what the law of the baseline leaves
+        effects = tuple(replace(e, share=e.share * gap.share(alone)) for e in effects)
+    notes = [*_notes(found, concluded, regimes_of), *_may_be_none(effects), *off]
+    law: dict[str, Any] | None = None
+    if again is not None:
+        law, left = {**again.to_dict(), "gap": alone}, gap.corrected
+        model, gap = beside_given(again.given, model, gap, bars[0])
+        if model is again.given:
             notes.append(f"what was found leaves {100 * left:.1f} %: the given simulator is handed over")
-            alone = None
-    waterfall = (waterfall[0].at(gap.nominal), *waterfall[1:])  # the same figure, by the same files
-    own = tuple(sorted(chosen.hypothesis.causes)) if named else None
+            law = None
+    rest, ceiling = _remaining(search, handed, gap)
+    own = {"effect": tuple(sorted(chosen.hypothesis.causes)), "none": (), "parameters": ("parameters",)}.get(verdict)
     # Errors (samples,) of the forces of the given simulator and of the one that is handed over.
     errors = {"nominal": first / given.weights}
-    kept = found.again is not None and model is found.again.given
+    kept = again is not None and model is again.given
     errors["corrected"] = errors["nominal"] if kept else residual / whole.weights
     other = concluded.other
     return Diagnosis(
@@ -113,12 +113,12 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         verdict=verdict,
         effects=effects,
         candidates=tuple(
-            Candidate(c, sets[c], gap.left_out if c == own and gap.left_out else _candidate_gap(search, fits, c))
+            Candidate(c, sets[c], waterfall[-1].gap if c == own else _candidate_gap(search, fits, c))
             for c in weighed
         ),
         indistinguishable=ties,
         where=replace(found.where(chosen, verdict, causes), records=shares, regimes=nearby),
-        gap=gap,
+        gap=replace(gap, ceiling=ceiling),
         waterfall=waterfall,
         next_experiment=test,
         next_signal=signal,
@@ -133,7 +133,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         outside=_outside(search, chosen),
         beyond_baseline=found.beyond or None,
         covered=found.covered,
-        baseline_law=alone,
+        baseline_law=law,
         other_law=None if other is None else other.to_dict(handed_over=handed is not final),
         remainder=None if verdict == "none" else rest,
         standing=None if decision.standing is None else asdict(decision.standing),
@@ -149,18 +149,18 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
     )
 
 
-def beside_given(again: BaselineLaw, model: Model, gap: Gap, given: float) -> tuple[Model, Gap]:
-    """The simulator that is handed over and the gaps, where the law was identified again: the given simulator is the
-    nominal one, and is handed over where it predicts the records better (`given`) than what was found (`model`)."""
-    gap = replace(gap, nominal=given, baseline=again.given_gap)
-    if given < gap.corrected:
-        return again.given, replace(gap, corrected=given, left_out=given)
+def beside_given(given: Model, model: Model, gap: Gap, bar: Step) -> tuple[Model, Gap]:
+    """The simulator that is handed over and the gaps, where the law was identified again: the given simulator, of which
+    `bar` is, where it predicts the records better than what was found (`model`)."""
+    if bar.gap < gap.corrected:
+        return given, replace(gap, corrected=bar.gap, left_out=bar.gap, interval=bar.interval)
     return model, gap
 
 
-def _further_bars(search: Search, concluded: Concluded, recalibrated: Array) -> list[Step]:
+def _further_bars(search: Search, concluded: Concluded, recalibrated: Array, alone: Step) -> list[Step]:
     """Bars after those of the nominal simulator: free numbers, each cause, and the simulator that is handed over.
-    recalibrated (blocks,): gaps of the free numbers alone on records left out."""
+    recalibrated (blocks,): gaps of the free numbers alone on records left out. alone: bar of the simulator that is
+    handed over unchanged."""
     chosen, handed, whole = concluded.chosen, concluded.handed, concluded.final.problem
     causes = chosen.hypothesis.causes
     if handed is not concluded.final:
@@ -168,7 +168,7 @@ def _further_bars(search: Search, concluded: Concluded, recalibrated: Array) -> 
     bars = [step("recalibrated", recalibrated)]
     if not causes:
         free = bool(handed.fit.hypothesis.nominal)
-        return [step("recalibrated", handed.heldout)] if free else [*bars, step("unchanged", handed.heldout)]
+        return [step("recalibrated", handed.heldout)] if free else [*bars, replace(alone, name="unchanged")]
     for k in range(1, len(causes)):
         part = search.smallest(bool(chosen.hypothesis.nominal), causes[:k])
         if part is not None:
@@ -283,19 +283,15 @@ def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
     }
 
 
-def _remaining(search: Search, final: FinalFit, nominal: float, noise: float) -> tuple[Remainder | None, float]:
+def _remaining(search: Search, final: FinalFit, gap: Gap) -> tuple[Remainder | None, float]:
     """The remaining error beyond the noise, None if the corrected simulator reaches the noise, and the gap of a
-    regression on the same inputs on left-out records.
-
-    nominal: gap of the nominal simulator. noise: gap due to noise.
-    """
-    residual = final.fit.residual
+    regression on the same inputs on left-out records."""
+    residual, noise = final.fit.residual, gap.noise_floor
     predictable = max(of_fit(final.problem, residual, search.floor), search.by_curves(final.fit.hypothesis))
-    left = pooled(final.heldout)
+    left = gap.left_out
     ceiling = float(np.sqrt(max(left**2 - predictable * max(left**2 - noise**2, 0.0), 0.0)))
-    if left**2 <= NONE_ABOVE * noise**2:
+    if pooled(final.heldout) ** 2 <= NONE_ABOVE * noise**2:
         return None, ceiling
-    share = (left**2 - noise**2) / max(nominal**2 - noise**2, 1e-12)
     if search.looks_like is not None:
         (term,) = search.looks_like.hypothesis.terms
         of, stage = "outside", term.stage
@@ -304,7 +300,7 @@ def _remaining(search: Search, final: FinalFit, nominal: float, noise: float) ->
     else:
         of, stage = "unpredictable", None
     conditions, halves = _conditions(final.problem)
-    return Remainder(left, share, of, stage, regimes(conditions, residual, halves)[:3]), ceiling
+    return Remainder(left, gap.share(left), of, stage, regimes(conditions, residual, halves)[:3]), ceiling
 
 
 def widened(

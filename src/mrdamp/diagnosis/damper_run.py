@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mrdamp.diagnosis.attribution.baseline_law import BaselineLaw, baseline_law, gap_by_file
 from mrdamp.diagnosis.attribution.interfaces import parts
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import stage_shares
@@ -24,7 +25,6 @@ from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Term
-from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import (
     Noise,
@@ -34,7 +34,7 @@ from mrdamp.diagnosis.problem.noise import (
     own_cost,
     trust,
 )
-from mrdamp.diagnosis.problem.residuals import Problem, pooled
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.result import Where
 from mrdamp.diagnosis.searched import Progress, Searched
 from mrdamp.model.core import Array
@@ -69,7 +69,7 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     untouched = _shortened(replace(rig, records=case.baseline)) if case.baseline else None
     base = baseline_gap(untouched, rig)
     if again is not None:  # the gap on records that a law was fitted to is not its error elsewhere
-        base = np.maximum(base, again.after)
+        base = np.maximum(base, again.searched)
     # What channels of the baseline show as well is no change.
     own = {c.cause: c.nats for pair in _compared(rig, case.baseline) for c in pair} if case.baseline else {}
     direct = {c.cause: max(c.nats - own.get(c.cause, 0.0), 0.0) for c in channels if c.cause is not None}
@@ -96,7 +96,7 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     beyond = "; ".join(left.values()) if len(left) == len(case.records) else ""
     before = None
     if case.baseline:
-        before = pooled(baseline_gap(Problem.thinned(replace(rig, records=case.baseline), coarse=True), rig))
+        before = gap_by_file(rig, case.model, case.baseline) if again is None else again.before
     covered = len(case.records), len(asked)
     return DamperSearched(case, rig, search, noise, floor, untouched, channels, notes, again, beyond, covered, before)
 

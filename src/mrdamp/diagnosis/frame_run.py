@@ -28,13 +28,14 @@ from mrdamp.diagnosis.constants import CAUSE, LAW_FORMS, NUMBER
 from mrdamp.diagnosis.evidence.judgement import decided, not_established, scored, unexplained
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.evidence.verdict import Decision
+from mrdamp.diagnosis.fits.final import predicted_gap
 from mrdamp.diagnosis.fits.frame_search import FrameSearch
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
 from mrdamp.diagnosis.problem.noise import Noise, baseline_gap, channel_noise, floors, own_cost
-from mrdamp.diagnosis.problem.residuals import Problem, pooled
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.result import Where
 from mrdamp.diagnosis.searched import Progress, Searched
 from mrdamp.model.core import Array
@@ -76,7 +77,7 @@ def reduced(case: Case, found: Sequence[Block] = (), threads: int = 1) -> tuple[
 
 def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | None) -> Searched:
     """Completed search of a frame's case. Raises InputError."""
-    limits = limits or LIMITS
+    limits, given = limits or LIMITS, case.model
     notes = list(audit(case))
     progress("trying each storey, accelerometer and the damper alone", 0.01)
     found = blocks(case)
@@ -110,7 +111,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     whole = replace(rig, as_logged=True)
     floor, covered, before = floors(Problem(whole, coarse=True), noise, {}), (len(small.records),) * 2, None
     if case.baseline:
-        before = pooled(baseline_gap(Problem(replace(whole, raw=case.baseline), coarse=True), whole))
+        before = predicted_gap(given, Problem(replace(whole, raw=case.baseline)))
     return FrameSearched(
         small, whole, search, noise, floor, untouched, channels, notes, again, "", covered, before, case, found, jobs
     )

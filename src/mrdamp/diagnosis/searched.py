@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from mrdamp.diagnosis.attribution.baseline_law import BaselineLaw
 from mrdamp.diagnosis.attribution.frame_laws import OtherLaw
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
@@ -14,7 +15,6 @@ from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.problem.baseline_law import BaselineLaw
 from mrdamp.diagnosis.problem.noise import Noise
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig
@@ -36,7 +36,7 @@ class Searched(ABC):
     baseline: residuals of the baseline's records, None without any. compared: channels that see the same. notes: of
     the audit. again: the law identified again on the baseline, which the case's model then has. beyond: how all records
     leave the regimes of the baseline; empty if some do not. covered: number of records in these regimes, and of all.
-    before: gap of the simulator on the whole baseline; None without one.
+    before: gap of the given simulator on the baseline, by its file; None without one.
     """
 
     case: Case

@@ -8,14 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from mrdamp.diagnosis.attribution.baseline_law import BaselineLaw, baseline_law, gap_of
 from mrdamp.diagnosis.attribution.frame_blocks import Block, stroke
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import INEXACT
-from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law, gap_of
 from mrdamp.diagnosis.problem.damper import DamperRig
-from mrdamp.diagnosis.problem.frame import FrameRig
-from mrdamp.diagnosis.problem.residuals import Problem, pooled
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
 from mrdamp.records import Record
 
@@ -50,10 +49,7 @@ def frame_baseline_law(case: Case, found: Sequence[Block], threads: int = 1) -> 
     again = baseline_law(alone, before.records)
     if again is None:
         return None
-    model = with_law(case.model, again.model)
-    given = Problem(FrameRig(case.model, case.baseline, threads=threads), coarse=True)
-    gap = pooled(given.gaps(given.nominal()))
-    return replace(again, given=case.model, model=model, given_gap=gap)
+    return replace(again, given=case.model, model=with_law(case.model, again.model))
 
 
 def with_law(frame: Model, law: Model) -> Model:

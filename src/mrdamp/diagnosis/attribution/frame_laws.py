@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from mrdamp.diagnosis.attribution.baseline_law import LAWS, fitted_along, identified, richest
 from mrdamp.diagnosis.attribution.frame_damper import damper_alone, with_law
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import LAW_FORMS, LAW_NEEDLESS, MATERIAL
 from mrdamp.diagnosis.fits.final import FinalFit, heldout
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
-from mrdamp.diagnosis.problem.baseline_law import LAWS, fitted_along, identified, richest
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.make import with_model
 from mrdamp.diagnosis.problem.residuals import Problem, pooled

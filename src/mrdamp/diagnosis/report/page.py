@@ -12,7 +12,7 @@ from mrdamp import __version__
 from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
 from mrdamp.diagnosis.problem.residuals import squared_gap
 from mrdamp.diagnosis.report.changes import changes, unit_of
-from mrdamp.diagnosis.report.result import Diagnosis, Named
+from mrdamp.diagnosis.report.result import LAW_AGAIN, Diagnosis, Named
 from mrdamp.diagnosis.report.sentence import settings_of, share, spelled
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -125,9 +125,11 @@ def _answer(out: Page, found: Diagnosis) -> None:
         ]
         columns = "effect", "stage", "probability", "share of the excess"
         note = (
-            "Excess: the gap's square less that of the noise. Share: what the fit takes off it by this cause, in the"
-            " mean over the orders in which causes and changed parameters are switched on."
+            "Excess: the nominal gap's square less that of the noise. Share: what the fit takes off it by this cause,"
+            " in the mean over the orders in which causes and changed parameters are switched on."
         )
+        for law in (s for s in found.waterfall if s.name == LAW_AGAIN):
+            note += f" The law of the baseline takes {100 * (1 - found.gap.share(law.gap)):.0f} % off it."
         out.table(heading, columns, rows, note)
         heading = ""
     likeliest = sorted(found.probabilities.items(), key=lambda item: -item[1])[:3]
@@ -257,7 +259,7 @@ def _remains(out: Page, found: Diagnosis, worst: Sequence[pictures.ResidualData]
         said = f"The corrected simulator meets the noise: {100 * found.gap.corrected:.2g} % of the RMS."
     else:
         said = (
-            f"{100 * rest.gap:.2g} % of the RMS, {100 * rest.share:.0f} % of the excess over the noise. "
+            f"{100 * rest.gap:.2g} % of the RMS, {100 * rest.share:.0f} % of the nominal excess over the noise. "
             f"It {_REMAINDER[rest.of]}."
         )
         if rest.regimes:

@@ -19,6 +19,8 @@ from mrdamp.shown import Shown
 
 #: Resamples of a bar's interval, and their seed.
 _RESAMPLES, _SEED = 2000, 3
+#: Bar of the law that was identified again.
+LAW_AGAIN = "law of the baseline"
 #: Fields that have another name in `diagnosis.json`, or are not in it (None).
 _NAMES: Mapping[tuple[str, str], str | None] = {
     ("Named", "effect"): "name",
@@ -43,7 +45,7 @@ def as_json(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Named:
-    """A named effect: its share of the gap's excess over the noise, parameters in SI units.
+    """A named effect: its share of the nominal simulator's squared excess over the noise, parameters in SI units.
 
     by_regime: its parameters from the records of each regime alone.
     """
@@ -104,8 +106,9 @@ class Where:
 class Gap:
     """RMS error over the RMS of the measurement, records pooled.
 
-    nominal, corrected: of `mrdamp predict` with case.json and corrected.json on the case's records. left_out,
-    recalibrated and the interval: on records left out of the fit (`fits.left_out.folds`).
+    nominal, corrected: of `mrdamp predict` with case.json and corrected.json on the case's records; baseline: the same
+    as nominal on the baseline's. left_out, recalibrated and the interval: on records left out of the fit
+    (`fits.left_out.folds`); left_out of what is not fitted is `corrected`.
     """
 
     nominal: float
@@ -113,9 +116,14 @@ class Gap:
     corrected: float
     noise_floor: float
     interval: tuple[float, float]
+    left_out: float  # corrected, on records left out of the fit
     ceiling: float | None = None  # what a regression on the inputs leaves on records left out
     baseline: float | None = None  # nominal, on the rig's baseline records
-    left_out: float | None = None  # corrected, on records left out of the fit
+
+    def share(self, left: float) -> float:
+        """Share of the nominal simulator's squared excess over the noise that a simulator with the gap `left` has."""
+        noise = self.noise_floor**2
+        return (left**2 - noise) / max(self.nominal**2 - noise, 1e-12)
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,7 @@ def _sentence(d: Diagnosis) -> str:
 def _corrected(g: Gap) -> str:
     """The gap of the simulator that is handed over, and that on records left out where it is another figure."""
     said = percent(g.corrected)
-    if g.left_out is not None and percent(g.left_out) != said:
+    if percent(g.left_out) != said:
         said += f", {percent(g.left_out)} on records left out of the fit"
         said += " with the noise of the motion smoothed away" * (g.left_out < g.corrected - AGREEMENT)
     return said
@@ -239,7 +239,7 @@ def table(d: Diagnosis) -> str:
                 for k, v in e.parameters.items()
             )
             lines.append(f"    {e.cause:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}")
-    lines.append("  candidates")
+    lines.append("  candidates: sets of causes; gaps of the search, the answer's of whole records")
     for c in d.candidates:
         name = " + ".join(c.causes) or "none"
         lines.append(f"    {name:40s} probability {c.probability:.2f}   gap {percent(c.heldout_gap)}")

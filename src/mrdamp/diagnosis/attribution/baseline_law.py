@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mrdamp.diagnosis.constants import BASELINE_LAW_BETTER
+from mrdamp.diagnosis.fits.final import predicted_gap
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.errors import InputError
@@ -30,8 +31,8 @@ class BaselineLaw:
     """A simulator identified on the baseline's records.
 
     given: the case's own simulator. dependence: of the coefficients on the command. before, after: gap of the damper's
-    force with the given simulator and with this one on the baseline's records; the latter by fits to the other half of
-    the records. given_gap: of the given simulator there over all channels of the case.
+    force by the file of the given simulator and of this one on the baseline's records; the latter by fits to the other
+    half of the records. searched: the latter with the motion of a search (`DamperRig.with_motion`).
     """
 
     given: Model
@@ -39,7 +40,7 @@ class BaselineLaw:
     dependence: str
     before: float
     after: float
-    given_gap: float
+    searched: float
 
     def note(self) -> str:
         """Line for a person."""
@@ -100,14 +101,15 @@ def baseline_law(
     best = found[law]
     if not gaps[law] < BASELINE_LAW_BETTER * before:
         return None
-    halves = []
-    for fit_on, judge_on in (parts, parts[::-1]):
-        half = fitted(law, fit_on)
-        halves.append(np.inf if half is None else gap_of(given, half, judge_on))
-    after = float(np.sqrt(np.mean(np.square(halves))))
-    if not after < BASELINE_LAW_BETTER * before:
+    halves = [(half, other) for one, other in (parts, parts[::-1]) if (half := fitted(law, one)) is not None]
+    if len(halves) < len(parts):
         return None
-    return BaselineLaw(model, best, dependence, before, after, before)
+    searched, after = (
+        pooled(np.array([gap(given, half, other) for half, other in halves])) for gap in (gap_of, gap_by_file)
+    )
+    if not searched < BASELINE_LAW_BETTER * before:
+        return None
+    return BaselineLaw(model, best, dependence, gap_by_file(given, model, baseline), after, searched)
 
 
 def richest(*parts: Sequence[Record]) -> str:
@@ -143,6 +145,11 @@ def fitted_along(model: Model) -> tuple[str, ...] | None:
         else:
             return None
     return tuple(sorted(out))
+
+
+def gap_by_file(given: DamperRig, model: Model, records: Sequence[Record]) -> float:
+    """Gap of a model's file on some records (`predicted_gap`)."""
+    return predicted_gap(model, Problem(replace(given, records=tuple(records))))
 
 
 def gap_of(given: DamperRig, model: Model, records: Sequence[Record]) -> float:
