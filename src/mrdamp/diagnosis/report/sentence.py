@@ -189,7 +189,8 @@ def _unknown(d: Diagnosis) -> str:
     else:
         by = d.waterfall[-1].name.removeprefix("+ ") if d.waterfall else ""
         handed = f"the best correction{f' ({by})' if by else ''} leaves {_corrected(g)}"
-    first = next((" and ".join(c.causes) for c in d.candidates if set(c.causes) - {"unknown", "parameters"}), "")
+    tried = {cause for c in d.candidates for cause in c.causes} - {"unknown", "parameters"}
+    first = next((cause for cause in d.probabilities if cause in tried), "")  # the most probable one comes first
     return (
         f"No cause in the catalogue is established for the gap of {percent(g.nominal)}"
         f"{f'; the first candidate is {first}' if first else ''}."
