@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,6 +73,8 @@ def run_calibrate(a: argparse.Namespace) -> dict[str, Any]:
     for warning in warnings:
         print(f"check: {warning}", flush=True)
     found = calibration.calibrate(tests, a.cutoff)
+    ordered = sorted(found.tests, key=lambda t: (round(t.frequency, 2), t.amplitude))
+    found = replace(found, tests=tuple(ordered))
     _sensor(found)
     records = [
         calibration.with_force(r, found, a.put_back) if "charge_pC" in r.channels else r for r in given
@@ -167,7 +169,8 @@ def _write(
     head = ("test", "frequency (Hz)", "amplitude (N)", "k (pC/N)", "delta_1 (%)", "phase (deg)")
     page.table("Calibration", head, [
         (t.name, t.frequency, t.amplitude, t.sensitivity, 100 * t.delta_1, t.phase) for t in found.tests
-    ], "Sensitivity by Eq. (1) and its deviation by Eq. (2). The phase is that of the charge against the force, its"
+    ], "Sensitivity by Eq. (1) and its deviation by Eq. (2). The amplitude is the mean after the first period, less"
+       " than the test's where the run-up is longer. The phase is that of the charge against the force, its"
        " sign taken off; a charge that lags by an angle has the sine of it as delta_1.")  # fmt: skip
     page.figure("", _sensitivities(found), "Sensitivity and deviation of each test.",
                 "Sensitivities over the frequency.")  # fmt: skip

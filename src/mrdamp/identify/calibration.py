@@ -40,6 +40,7 @@ _MIN_CYCLES = 2.0
 class SineResult:
     """One test: frequency (Hz), force amplitude (N), sensitivity by Eq. (1) (pC/N), delta_1 by Eq. (2).
 
+    amplitude: mean over all periods but the first, less than the test's where the run-up is longer than a period.
     phase (degree): of the charge against the force, the sensitivity's sign taken off; positive leads. gain:
     complex charge over force at the frequency (pC/N).
     """
