@@ -308,6 +308,11 @@ def test_effects_fitted_along_are_told_with_all_their_numbers() -> None:
     lag, heat = Form(model, {"driver_lag": 0.9, "heating": None}).lines()[1:3]
     assert lag == "  driver_lag: tau = 0.012 s, tau2 = 0.004 s"
     assert heat == "  heating: capacity = 20 J/K, kappa = 0.03 1/K"
+    # One that is fitted along and not established is told with what it is worth.
+    assert Form(model, {"driver_lag": 0.9}, 0.5, {"heating": 0.8}).lines()[1:] == [
+        lag, "  on records left out of the fits they leave at most 50 % of the squared error of the law alone",
+        "  beside them heating, which is not established: it leaves 80 % of that", heat,
+    ]  # fmt: skip
 
 
 def test_a_law_gives_back_what_it_took_of_an_effect() -> None:

@@ -88,6 +88,8 @@ def test_by_command_draws_its_lines(folder: Path, tmp_path: Path, capsys: pytest
     assert [row["command"] for row in found["by_command"]] == [0.0, 0.6, 1.2]
     (line,) = (row for row in found["lines"] if row["parameter"] == "fya")
     assert line["slope"] == pytest.approx(300.0, rel=0.05)
+    offset = Model.read(tmp_path / "m").attributes["gas_spring_f0"]
+    assert f"found: force offset or preload: {offset:.4g} N" in said.err
     (told,) = (row.split() for row in said.err.splitlines() if row.split()[:1] == ["fya"])
     assert float(told[2]) == pytest.approx(line["slope"], rel=1e-2)
 
@@ -149,7 +151,7 @@ def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureF
     tests, records = tmp_path / "tests", tmp_path / "records"
     tests.mkdir()
     records.mkdir()
-    for k, hz in enumerate((1.0, 2.0, 4.0)):
+    for k, hz in enumerate((4.0, 1.0, 2.0)):
         w = 2 * np.pi * hz
         columns = {
             "time_s": t,
@@ -164,6 +166,7 @@ def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert run("calibrate", tests, "--records", records, "--picture", picture, "-o", tmp_path / "out") == 0
     assert picture.is_file()
     text = capsys.readouterr().out
+    assert re.findall(r"^ +(\S+) Hz", text, re.MULTILINE) == ["1.00", "2.00", "4.00"]
     assert "mean sensitivity -158.25 pC/N, delta_1 with it 3.49 %" in text
     assert "command      0.5    3.49 %   3.49 %  2 records  the paper's damper 2.30 %" in text
     made = read_record(tmp_path / "out" / "records" / "r1.csv")

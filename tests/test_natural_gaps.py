@@ -70,6 +70,8 @@ def test_the_documented_cause_of_a_measured_rig_is_fitted_along(rig: str) -> Non
     form = form_of(fit.model, more)
     assert set(form.effects) & cause
     assert form.left < 0.85
+    added = {e.name for e in form.model.effects} - {e.name for e in fit.model.effects}
+    assert added <= {line.split(":")[0].strip() for line in form.lines()}
     before, after = error(fit.model, kept), error(form.model, kept)
     assert after < min(mark, before)
 

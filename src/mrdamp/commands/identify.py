@@ -245,6 +245,7 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         print(f"{line.parameter:>20s} {line.zero:14.5g} {line.slope:12.5g} {line.scatter:12.3g}")
     print(f"law of the lines: fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
     _errors(fit.held_out, "held out")
+    _along(fit)
     _write(a, fit, records, lambda: _lines(a, found))
     return of_by_command(found)
 
@@ -288,6 +289,21 @@ def _found(fit: Fit, left_over: Sequence[ChannelFinding], checks: Sequence[str])
         print(f"  left out, as no record here has a command that varies enough: {', '.join(fit.left_out)}")
     for check in checks:
         print(f"  check: {check}")
+    _along(fit, checks)
+    late = {c.record: c.delay for c in left_over if c.delay_share > _MATERIAL and abs(c.delay) > 3 * c.delay_error}
+    one_way = len({delay > 0 for delay in late.values()}) == 1  # both ways it is the law's form
+    for c in left_over:
+        left = []
+        if c.offset_share > _MATERIAL and abs(c.offset) > 3 * c.offset_error:
+            left.append(f"offset {c.offset:.3g} +- {1.96 * c.offset_error:.2g} N")
+        if one_way and c.record in late:
+            left.append(f"delay of the force {1e3 * c.delay:.3g} +- {1.96e3 * c.delay_error:.2g} ms")
+        if left:
+            print(f"  remains in {c.record}: {', '.join(left)}")
+
+
+def _along(fit: Fit, checks: Sequence[str] = ()) -> None:
+    """Effects of the law's own fit; a check tells of a parameter at the end of its range."""
     attributes = fit.model.attributes
     for name, unit, scale, what in (
         ("gas_spring_f0", "N", 1.0, "force offset or preload"),
@@ -300,16 +316,6 @@ def _found(fit: Fit, left_over: Sequence[ChannelFinding], checks: Sequence[str])
         ended = any(f"{name} is at the end of its range" in check for check in checks)
         if name in attributes and not ended:
             print(f"  found: {what}: {scale * attributes[name]:.4g} {unit}")
-    late = {c.record: c.delay for c in left_over if c.delay_share > _MATERIAL and abs(c.delay) > 3 * c.delay_error}
-    one_way = len({delay > 0 for delay in late.values()}) == 1  # both ways it is the law's form
-    for c in left_over:
-        left = []
-        if c.offset_share > _MATERIAL and abs(c.offset) > 3 * c.offset_error:
-            left.append(f"offset {c.offset:.3g} +- {1.96 * c.offset_error:.2g} N")
-        if one_way and c.record in late:
-            left.append(f"delay of the force {1e3 * c.delay:.3g} +- {1.96e3 * c.delay_error:.2g} ms")
-        if left:
-            print(f"  remains in {c.record}: {', '.join(left)}")
 
 
 def _norms(a: argparse.Namespace, records: RecordSet) -> list[dict[str, Any]]:

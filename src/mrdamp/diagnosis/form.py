@@ -6,8 +6,8 @@ diagnosis answers it: every effect of the catalogue is fitted along with the law
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from mrdamp.diagnosis.damper_run import begun
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
 from mrdamp.diagnosis.fits.final import final_fit, least_left_out
+from mrdamp.diagnosis.fits.least_squares import fit
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
 from mrdamp.diagnosis.hypotheses.terms import Term
@@ -59,12 +60,14 @@ class Form:
 
     effects: probability by name, None of one that was asked for; empty if there is none, and the model is the given
     one. left: share of the squared error of the law without them that they leave on left-out records, both fitted in
-    the same way.
+    the same way. beside: effects of the model that left-out records pay for and that are not established, with the
+    share of the squared error without them that they leave there.
     """
 
     model: Model
     effects: Mapping[str, float | None]
     left: float = 1.0
+    beside: Mapping[str, float] = field(default_factory=dict)
 
     def lines(self) -> list[str]:
         """What the effects are worth, for a person."""
@@ -72,13 +75,20 @@ class Form:
             return ["no effect of the catalogue pays for itself on left-out records"]
         named = ", ".join(f"{c} (probability {p:.2f})" if p is not None else c for c, p in self.effects.items())
         worth = f"they leave at most {100 * self.left:.0f} % of the squared error of the law alone"
-        sizes = [
+        lines = [f"fitted along: {named}", *self._sizes(self.effects), f"  on records left out of the fits {worth}"]
+        for name, left in self.beside.items():
+            said = f"  beside them {name}, which is not established: it leaves {100 * left:.0f} % of that"
+            lines += [said, *self._sizes([name])]
+        return lines
+
+    def _sizes(self, names: Collection[str]) -> list[str]:
+        """Parameters of some effects, a line for each."""
+        return [
             f"  {e.name}: "
             + ", ".join(number(k, v, None, unit_of(setting_name(e.name, k, e.place))) for k, v in e.parameters.items())
             for e in self.model.effects
-            if e.name in self.effects
+            if e.name in names
         ]
-        return [f"fitted along: {named}", *sizes, f"  on records left out of the fits {worth}"]
 
     def applied(self, fit: IdentifiedFit, records: RecordSet) -> IdentifiedFit:
         """An identification with this model in place of its own, and the errors of the records with it."""
@@ -152,9 +162,13 @@ def form_of(
         return Form(model, {})
     alone = search.base if chosen.hypothesis.nominal else search.fits[False, frozenset()]
     likely = of_cause(by_causes(scored(made.fits), decision.probabilities))
-    share = 1 - decision.unknown
+    share, causes, last = 1 - decision.unknown, chosen.hypothesis.causes, made.final.fit
+    beside = [cause for cause in last.hypothesis.causes if cause not in causes]  # one at most (`with_unnamed`)
+    left = search.left_out_cost(chosen)
+    with_all = fit(search.problem, last.hypothesis, last.point, most=0) if beside else chosen
     return Form(
-        found.rig.model(made.final.fit.settings),
-        {cause: share * likely[cause] for cause in chosen.hypothesis.causes},
-        search.left_out_cost(chosen) / search.left_out_cost(alone),
+        found.rig.model(last.settings),
+        {cause: share * likely[cause] for cause in causes},
+        left / search.left_out_cost(alone),
+        dict.fromkeys(beside, search.left_out_cost(with_all) / left),
     )
