@@ -90,14 +90,15 @@ def test_the_headline_has_ties_with_their_probabilities() -> None:
         verdict="unknown", effects=(), probabilities={"unknown": 0.8, "driver_lag": 0.2},
         candidates=(Candidate(("unknown",), 0.8, 0.2), Candidate((), 0.1, 0.2), Candidate(("driver_lag",), 0.1, 0.2)),
     )  # fmt: skip
-    assert "established for the gap of 20.0 %; the first candidate is driver_lag." in sentence(unknown)
+    likeliest = "established for the gap of 20.0 %; the most probable one is driver_lag (probability 0.20)."
+    assert likeliest in sentence(unknown)
     # A cause's own probability counts: .12 of the friction, .08 of it beside a lag.
     sets = {("unknown",): 0.8, ("sensor_lag",): 0.09, ("seal_friction",): 0.04, ("driver_lag", "seal_friction"): 0.08}
     two = replace(
         unknown, candidates=tuple(Candidate(c, p, 0.2) for c, p in sets.items()),
         probabilities={"unknown": 0.8, "seal_friction": 0.12, "sensor_lag": 0.09, "driver_lag": 0.08},
     )  # fmt: skip
-    assert "the first candidate is seal_friction." in sentence(two)
+    assert "the most probable one is seal_friction (probability 0.12)." in sentence(two)
     assert "The best correction leaves 10.0 %, 12.0 % on records left out of the fit." in sentence(unknown)
     rival = {"what": "an end stop", "gap": 0.1, "nearest_gap": 0.15}
     outside = replace(unknown, outside=rival)

@@ -326,7 +326,7 @@ def _uncertainty(out: Page, found: Diagnosis) -> None:
         for c in found.candidates
     ]
     note = "Gaps of left-out records of the search, excerpts of long ones; that of the answer of whole records."
-    _table(out, "What else was tried", ("effects", "probability", "left-out gap, %"), tried, note)
+    _table(out, "What else was tried", ("effects", "probability of just these", "left-out gap, %"), tried, note)
     hidden = [(u["effect"], u["setting"], u["could_hide"], unit_of(u["setting"])) for u in found.unseen]
     columns = "effect", "parameter", "may be as far as", "unit"
     _table(out, "What these records cannot show", columns, hidden)

@@ -190,10 +190,10 @@ def _unknown(d: Diagnosis) -> str:
         by = d.waterfall[-1].name.removeprefix("+ ") if d.waterfall else ""
         handed = f"the best correction{f' ({by})' if by else ''} leaves {_corrected(g)}"
     tried = {cause for c in d.candidates for cause in c.causes} - {"unknown", "parameters"}
-    first = next((cause for cause in d.probabilities if cause in tried), "")  # the most probable one comes first
+    first = next((f"{cause} (probability {p:.2f})" for cause, p in d.probabilities.items() if cause in tried), "")
     return (
         f"No cause in the catalogue is established for the gap of {percent(g.nominal)}"
-        f"{f'; the first candidate is {first}' if first else ''}."
+        f"{f'; the most probable one is {first}' if first else ''}."
         f"{f' The most probable stage is {stage}.' if leads else ''}"
         f" {handed[0].upper()}{handed[1:]}.{_rest(d)}"
     )
@@ -240,7 +240,7 @@ def table(d: Diagnosis) -> str:
                 for k, v in e.parameters.items()
             )
             lines.append(f"    {e.cause:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}")
-    lines.append("  candidates: sets of causes; gaps of the search, the answer's of whole records")
+    lines.append("  candidates: probability of just these causes; gap of the search, the answer's of whole records")
     for c in d.candidates:
         name = " + ".join(c.causes) or "none"
         lines.append(f"    {name:40s} probability {c.probability:.2f}   gap {percent(c.heldout_gap)}")
