@@ -8,6 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -223,10 +224,11 @@ class Weights:
 
     def __post_init__(self) -> None:
         for part in (each.name for each in self.table):
-            if not 0 <= getattr(self, part) < math.inf:
-                raise InputError(f"reward: weight {part} is {getattr(self, part)}; allowed: >= 0")
-        if not 0 < self.exponent <= 20:
-            raise InputError(f"reward: exponent is {self.exponent}; allowed: above 0 to 20")
+            value: float = getattr(self, part)
+            if not (isinstance(value, Real) and 0 <= value < math.inf):
+                raise InputError(f"reward: weight {part} is {value!r}; allowed: a number >= 0")
+        if not (isinstance(self.exponent, Real) and 0 < self.exponent <= 20):
+            raise InputError(f"reward: exponent is {self.exponent!r}; allowed: above 0 to 20")
 
     @property
     def signed(self) -> NDArray[np.float64]:

@@ -205,9 +205,9 @@ class AdjointRun(StepRun):
             raise InputError("adjoint: allowed: mrdamp/Frame-v0, action: force, and a teacher")
         if chosen.viscous or chosen.switch:
             raise InputError("adjoint: hyperparameters: viscous and switch are not allowed")
-        hidden = chosen.policy_kwargs.get("net_arch", [])
-        if not hidden or not all(isinstance(size, int) and size > 0 for size in hidden):
-            raise InputError(f"adjoint: policy_kwargs.net_arch is {hidden}; allowed: sizes of hidden layers")
+        hidden = chosen.hidden("adjoint")
+        if not hidden:
+            raise InputError("adjoint: policy_kwargs.net_arch is []; allowed: sizes of hidden layers")
         self.loop = ClosedLoop(self.world, self._loads)
         rng = np.random.default_rng(self.seed)
         o, plain = self.task.observer, self.inputs - len(self.task.observer.peaks)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import random
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -176,6 +177,10 @@ class GradientRun(Run):
         rate = str(given.get("learning_rate", ""))
         if rate.startswith(_FALLING):
             given["learning_rate"] = LinearSchedule(_number(rate.removeprefix(_FALLING)), 0.0, 1.0)
+        for parameter in signature(algorithm).parameters.values():
+            value = given.get(parameter.name)
+            if isinstance(value, str) and isinstance(parameter.default, int | float):
+                raise InputError(f"{name}: hyperparameters: {parameter.name} is {value!r}; allowed: a number")
         if chosen.explore:
             if name not in _OFF_POLICY:
                 raise InputError(f"{name}: explore is for {', '.join(_OFF_POLICY)}")

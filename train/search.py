@@ -176,7 +176,7 @@ class EvolutionRun(StepRun):
             raise InputError(
                 f"es: {len(self.worlds)} models for {self.loads_count} loads; allowed: a load each at least"
             )
-        self.shape = Shape(self.inputs, chosen.policy_kwargs.get("net_arch", []))
+        self.shape = Shape(self.inputs, chosen.hidden("es"))
         rng = np.random.default_rng(self.seed)
         start = self.shape.start(rng)
         if chosen.teacher:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from importlib import resources
@@ -113,13 +114,26 @@ class Settings:
     learner: Mapping[str, Any] = field(default_factory=dict)
 
     def learner_over(self, defaults: Mapping[str, Any], algorithm: str) -> dict[str, Any]:
-        """The algorithm's other arguments, over its defaults. Raises InputError for one that it does not have."""
-        unknown = sorted(set(self.learner) - set(defaults))
-        if unknown:
-            raise InputError(
-                f"{algorithm}: hyperparameters: {unknown[0]!r} is unknown; allowed: {', '.join(defaults)}"
-            )
+        """The algorithm's other arguments, over its defaults. Raises InputError for one that it does not have, and for
+        one that is no number where the default is one."""
+        for name, value in self.learner.items():
+            if name not in defaults:
+                known = *defaults, *(f.name for f in fields(self) if f.name != "learner")
+                raise InputError(f"{algorithm}: hyperparameters: {name!r} is unknown; allowed: {', '.join(known)}")
+            default = defaults[name]
+            number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+            if isinstance(default, float) and not number:
+                raise InputError(f"{algorithm}: hyperparameters: {name} is {value!r}; allowed: a finite number")
+            if isinstance(default, int) and not (number and value == int(value)):
+                raise InputError(f"{algorithm}: hyperparameters: {name} is {value!r}; allowed: a whole number")
         return {**defaults, **self.learner}
+
+    def hidden(self, algorithm: str) -> list[int]:
+        """Sizes of the hidden layers of `es` and `adjoint`. Raises InputError."""
+        sizes = self.policy_kwargs.get("net_arch", [])
+        if not isinstance(sizes, list) or not all(isinstance(size, int) and size > 0 for size in sizes):
+            raise InputError(f"{algorithm}: policy_kwargs.net_arch is {sizes!r}; allowed: sizes of hidden layers")
+        return sizes
 
     def __post_init__(self) -> None:
         require_one_of("hyperparameters", ("command", "force"), action=self.action)
