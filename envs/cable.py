@@ -338,7 +338,7 @@ class CableEnv(PlantEnv):
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|
     | `cable` | `StayCable` | the laboratory cable | length, tension, mass, place of the damper, damping, sag |
-    | `model` | `Model`, path | Zapateiro's 20 N damper | any identified one: law, NARX, effects |
+    | `model` | `Model`, path, set's name | Zapateiro's 20 N damper | any identified one: law, NARX, effects |
     | `measured_at` | places x / L | the damper's and five times it | where motion is measured |
     | `bandwidth` | Hz | None: ideal | of the accelerometers |
     | `loads` | `LoadSource` | `WindLoads()` | `WindLoads`, `AmbientLoads`, or one of your own |

@@ -320,7 +320,7 @@ class CarEnv(PlantEnv):
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|
     | `car` | `QuarterCar`, mapping | doi 10.1155/2021/8084343 | masses, stiffnesses, damping |
-    | `model` | `Model`, path | the RD-1005 | any identified one: law, NARX, effects |
+    | `model` | `Model`, path, set's name | the RD-1005 | any identified one: law, NARX, effects |
     | `roads` | `RoadSource` | `IsoRoads()` | classes of ISO 8608 by speed, `Bumps`, `RecordedRoads`, your own |
     | `reward` | `CarReward`, mapping | `CarReward()` | weights of the parts, exponent |
     | `timestep` | s | 0.0005, chain: 0.001 | the largest of the engine, 0.002 at most |

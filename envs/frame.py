@@ -127,9 +127,9 @@ _STRONG = 5.0  # m/s2: floor acceleration that the scales of the observation bel
 class Frame(Structure):
     """A shear frame on a moving ground, with a damper or several.
 
-    model: any identified one (any law, with or without effects; None: `default_damper`), its file, or one a damper.
-    structure: None takes the model's own, or Dyke's three-storey frame. damper_between: floors of the damper, or
-    several pairs. duration: s, of a motion at most. Raises InputError.
+    model: any identified one (any law, with or without effects; None: `default_damper`), its file or set's name, or one
+    a damper. structure: None takes the model's own, or Dyke's three-storey frame. damper_between: floors of the damper,
+    or several pairs. duration: s, of a motion at most. Raises InputError.
     """
 
     model: Model | Sequence[Model] | Path | str | None = None
@@ -157,7 +157,7 @@ class Frame(Structure):
     @cached_property
     def models(self) -> tuple[Model, ...]:
         given = default_damper() if self.model is None else self.model
-        model = Model.read(given) if isinstance(given, str | Path) else given
+        model = sets.named_model(given) if isinstance(given, Model | str | Path) else given
         if isinstance(model, list | tuple) and not model:
             raise InputError("model is empty: allowed are a Model, its file, or a list with one a damper")
         between = self.damper_between
@@ -371,7 +371,7 @@ class FrameEnv(PlantEnv):
 
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|
-    | `model` | `Model`, path, one for each damper | Dyke's 3 kN damper | any identified one: law, NARX, effects |
+    | `model` | `Model`, path, set's name, one a damper | Dyke's 3 kN damper | any identified one: law, NARX, effects |
     | `structure` | `ShearFrame` | the model's own, or Dyke's | N storeys |
     | `damper_between` | pair or pairs of floors | the structure's | (0, 1) is ground to floor 1 |
     | `motions` | `MotionSource` | `SyntheticMotions()` | Kanai-Tajimi, Clough-Penzien, files, mixtures, amplitudes |

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mrdamp import sets
 from mrdamp.control.observe import Observer
 from mrdamp.envs.loads import Range
 from mrdamp.envs.randomise import DrawnRows
@@ -152,9 +153,9 @@ def command_range(models: Sequence[Model], command_max: float | Sequence[float] 
 
 
 def model_of(given: Model | Path | str | None, default: Callable[[], Model]) -> Model:
-    """A damper's model as it is given, from its file, or the default. Raises InputError."""
+    """A damper's model as it is given, from its file, of its set's name, or the default. Raises InputError."""
     require_kind("a Model, or its file", (Model, str, Path), model=given)
-    model = Model.read(given) if isinstance(given, str | Path) else given
+    model = None if given is None else sets.named_model(given)
     if model is not None and model.rig == "frame":
         raise InputError(f"model {model.name} is of a frame; allowed here: a damper's")
     return default() if model is None else model

@@ -267,4 +267,4 @@ def test_a_site_needs_a_frame_and_a_range() -> None:
     model = frame_model()
     refuses(lambda: registry.Site.of(SITE.damper), "has no frame")
     rest = {k: v for k, v in model.parameters.items() if k != "command_max"}
-    refuses(lambda: registry.Site.of(replace(model, parameters=rest)), "no command_max")
+    refuses(lambda: registry.Site.of(replace(model, parameters=rest)), "no command_max among its parameters; add it to")

@@ -38,6 +38,12 @@ def test_every_algorithm_has_hyperparameters_that_its_environment_takes(
         assert world(environment, chosen.env_kwargs).task(1).rows.period == chosen.env_kwargs["period"]
 
 
+def test_a_damper_is_a_set_by_its_name() -> None:
+    for environment in (FRAME, "mrdamp/QuarterCar-v0"):
+        (damper,) = world(environment, {}, Path("spencer1997_3kN")).structure.models
+        assert (damper.law, damper.parameters["command_max"]) == ("modified_bouc_wen", 2.25)
+
+
 def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:
     options = Options(
         overrides=("learning_rate=1e-4", "env_kwargs.history=7", "n_envs=4", "freeze=7"), timesteps=123

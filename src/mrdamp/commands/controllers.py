@@ -307,8 +307,9 @@ def _add_train(commands: Any) -> None:
         "--sweep", nargs="*", default=[], metavar="NAME=VALUE,VALUE", help="train every combination of these"
     )
     p.add_argument(
-        "--model", type=Path, nargs="+", default=[], metavar="FILE",
-        help="model file of the damper (default: the environment's); es: several, for robustness over all",
+        "--model", type=Path, nargs="+", default=[], metavar="MODEL",
+        help="model file of the damper, or a set's name (default: the environment's); es: several, for robustness over "
+        "all",
     )  # fmt: skip
     p.add_argument(
         "--evaluations",

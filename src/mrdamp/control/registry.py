@@ -119,7 +119,9 @@ def largest_command(model: Model) -> float:
     """A or V. Raises InputError where the model has none."""
     largest = model.attributes.get("command_max", math.nan)
     if not 0 < largest < math.inf:
-        raise InputError(f"{model.name}: no command_max among its parameters; give the largest command")
+        raise InputError(
+            f"{model.name}: no command_max among its parameters; add it to the model file (mrdamp sets NAME prints one)"
+        )
     return largest
 
 
