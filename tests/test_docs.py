@@ -48,7 +48,10 @@ PYTHON = [
 @pytest.mark.parametrize(("page", "block"), PYTHON, ids=lambda v: v.stem if isinstance(v, Path) else str(v))
 def test_python_runs(page: Path, block: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    exec(compile(blocks(page, "python")[block], str(page), "exec"), {"__name__": "__main__"})
+    text, names = blocks(page, "python")[block], {"__name__": "__main__"}
+    exec(compile(text, str(page), "exec"), names)
+    for what, key, shown in re.findall(r'# (\w+\["\w+"\]): \{"(\w+)": ([\d.]+)\.\.\.', text):
+        assert str(eval(what, names)[key]).startswith(shown), what
 
 
 class _Refused(Exception):
