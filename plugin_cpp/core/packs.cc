@@ -17,28 +17,14 @@ int Range(int attribute, double value) {
   return 3 * side + sign;
 }
 
-// True without the effects that plain packs lack.
+}  // namespace
+
 bool Plain(const Params& p) {
 #define MRDAMP_ATTRIBUTE(name, group, unit, def, lo, hi, meaning)
 #define MRDAMP_EFFECT(name, group, unit, def, lo, hi, meaning) && p.name == def
   return true
 #include "core/attributes.def"
       ;
-}
-
-constexpr MrdampSteps kAnyDamper = OwnSteps();
-
-}  // namespace
-
-#define MRDAMP_LAW(name, Type, ...) extern "C" const MrdampSteps mrdamp_steps_k##Type;
-#include "core/attributes.def"
-
-const MrdampSteps* StepsFor(const Damper& d) {
-  static const MrdampSteps* const plain[] = {
-#define MRDAMP_LAW(name, Type, ...) &mrdamp_steps_k##Type,
-#include "core/attributes.def"
-  };
-  return d.law != Law::kNarx && Plain(d.p) ? plain[static_cast<int>(d.law)] : &kAnyDamper;
 }
 
 std::string Alike(const Damper& d) {

@@ -7,7 +7,6 @@
 
 #include "core/chain.h"
 #include "core/lane.h"
-#include "core/steps.h"
 
 namespace mrdamp {
 
@@ -23,8 +22,8 @@ int Widest(int asked);
 // The code for packs of `lanes` of dampers of one law; null where there is none.
 const MrdampPack* PackFor(const std::vector<Damper>& dampers, int lanes);
 
-// The code that steps a damper in an engine.
-const MrdampSteps* StepsFor(const Damper& d);
+// True without the effects that plain packs and plain steps lack.
+bool Plain(const Params& p);
 
 }  // namespace mrdamp
 

@@ -17,6 +17,9 @@ constexpr MrdampSteps OwnSteps() {
           [](void* at, double to, double h) { return static_cast<Stepping*>(at)->Trial(to, h); }};
 }
 
+// The code that steps a damper in MuJoCo (mujoco/steps.cc).
+const MrdampSteps* StepsFor(const Damper& d);
+
 }  // namespace mrdamp
 
 #endif  // MRDAMP_CORE_STEPS_H_

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "core/packs.h"
 #include "core/record.h"
+#include "core/steps.h"
 #include "mujoco/mobility.h"
 
 namespace mrdamp {
