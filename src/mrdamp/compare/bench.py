@@ -272,14 +272,16 @@ class Bench(ABC):
         """`Structure.forces`. Raises InputError."""
         return np.asarray(self.structure.forces(load))
 
-    def likeness(self, load: Any) -> str:
-        """Of a load's forces over their peak, from the first to the last that is not zero, and their sample time: that
-        of loads which differ by a factor or by rest at their ends is the same."""
+    def likeness(self, load: Any, *, rest: bool = True) -> str:
+        """Of a load's forces over their peak, and their sample time: that of loads which differ by a factor is the
+        same. rest: False leaves out what comes before the first and after the last force that is not zero."""
         forces = self.forces(load)
         peak = forces.flat[np.abs(forces).argmax()] or 1.0
         step = load.duration / max(len(forces) - 1, 1)
         acting = np.flatnonzero(np.any(forces != 0.0, axis=tuple(range(1, forces.ndim))))
-        shape = np.round(forces[acting[0] : acting[-1] + 1] / peak, 6) + 0.0 if len(acting) else forces
+        if len(acting) and not rest:
+            forces = forces[acting[0] : acting[-1] + 1]
+        shape = np.round(forces / peak, 6) + 0.0
         return digest([f"{step:.3g}", shape.tobytes().hex()])
 
     def identity(self) -> str:

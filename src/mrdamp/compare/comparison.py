@@ -256,8 +256,8 @@ def compare(
 
 
 def distinct(bench: Bench, loads: Sequence[AnyLoad]) -> list[AnyLoad]:
-    """The loads without those that are an earlier one but for a factor or rest at the ends: intervals are over
-    independent loads."""
+    """The loads without those that are an earlier one but for a factor: intervals are over independent loads. With
+    more rest at an end a run lasts longer, and has other results."""
     found: dict[str, AnyLoad] = {}
     for load in loads:
         found.setdefault(bench.likeness(load), load)
@@ -268,10 +268,10 @@ def _notes(
     bench: Bench, contenders: Sequence[Contender], given: Sequence[Load], loads: Sequence[Load]
 ) -> Iterator[str]:
     if again := len(given) - len(loads):
-        yield f"{again} of {len(given)} loads repeat another up to a factor or rest and are left out"
+        yield f"{again} of {len(given)} loads repeat another up to a factor and are left out"
     if any(c.periods for c in contenders):
-        known = {bench.likeness(load) for load in bench.tuning_loads()}
-        same = dict.fromkeys(load.name for load in loads if bench.likeness(load) in known)
+        known = {bench.likeness(load, rest=False) for load in bench.tuning_loads()}
+        same = dict.fromkeys(load.name for load in loads if bench.likeness(load, rest=False) in known)
         if same:
             yield f"controllers were tuned or policies chosen on {', '.join(same)} too; others may show less"
     own = {c.name: bench.controller(c.specs[0]).period for c in contenders}
