@@ -49,7 +49,7 @@ class PythonPlants(Plants):
         self.bare = without_damper(xml, plants.timestep / finer)
         self.data = mujoco.MjData(self.bare)
         self.law = law.control(self.data, 1, self.bare.opt.timestep)
-        self.after = np.zeros((1, len(self._record["sensordata"][0, 0])))
+        self.after = np.zeros((1, len(self.record["sensordata"][0, 0])))
 
     def start(self, row: int, load: Array, sample_time: float, steps: int) -> None:
         super().start(row, load, sample_time, steps)
@@ -67,7 +67,7 @@ class PythonPlants(Plants):
         if self.step[0] == 0:
             self.law = damper.control(data, 1, model.opt.timestep)
             self.law(model, data)
-        law, record = self.law, self._record["sensordata"][0]
+        law, record = self.law, self.record["sensordata"][0]
         load = self.loads_at(np.zeros(1, np.int64), self.step[:, None] + self._ahead)[0, :, 0].tolist()
         push, sensors, own = data.ctrl, data.sensordata, []
         frame = record[:, : len(sensors)]
@@ -86,7 +86,7 @@ class PythonPlants(Plants):
         push[0] = load[-1]
         mujoco.mj_forward(model, data)
         self.after[0] = *sensors, *self._own()
-        return self._record, {"sensordata": self.after}
+        return self.record, {"sensordata": self.after}
 
 
 def python_env(law: PythonDamper, finer: int = 1) -> FrameEnv:

@@ -34,7 +34,7 @@ class Plants:
 
     xml: MJCF with its timestep set. loads, dampers: names of actuators. inner: steps in a control period. fields:
     of MjData, what is read. Attributes: sensors, name -> slice of the sensor data; step (n,), of the engine since
-    the start.
+    the start; record, name -> the fields at the last period's steps, as of `advance`.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Plants:
         self._fields, self._threads = tuple(fields), threads
         self._bind()
         self._pushes = np.zeros((n, inner, m.nu))
-        self._record = {name: np.zeros((n, inner, a.shape[1])) for name, a in self._now.items()}
+        self.record = {name: np.zeros((n, inner, a.shape[1])) for name, a in self._now.items()}
         # Loads (n, samples, loads); each row's sample time, last sample, and steps, from which on there is none.
         self._load = np.zeros((n, 1, len(loads)))
         self._sample_time, self._last = np.ones(n), np.zeros(n, dtype=np.int64)
@@ -124,7 +124,7 @@ class Plants:
         pushes[:, :, self.dampers] = finite("command", commands, (self.n, self._many))[:, None, :]
         load = self.loads_at(np.arange(self.n), self.step[:, None] + self._ahead)
         pushes[:, :, self.loads] = load[:, :-1]
-        self.batch.rollout(inner, pushes, _CONTROL, record=self._fields, out=self._record)
+        self.batch.rollout(inner, pushes, _CONTROL, record=self._fields, out=self.record)
         self.step += inner
         # Where the engine warns of numbers that are none, or huge ones, it begins anew, and stops.
         behind = np.abs(self._time.ravel() - self.step * self.timestep) > 0.5 * self.timestep
@@ -132,7 +132,7 @@ class Plants:
             raise diverged(row=int(behind.argmax()))
         self._control[:, self.loads] = load[:, -1]
         self.batch.forward()
-        return self._record, self._now
+        return self.record, self._now
 
     def loads_at(self, rows: NDArray[np.int64], steps: NDArray[np.int64]) -> Array:
         """(rows, k, loads) of rows at steps (rows, k) since their start."""
@@ -267,6 +267,15 @@ class EngineRows(ABC):
             raise InputError(f"reset: drawn is {given!r}; allowed: with randomise, see its environment")
         return {}
 
+    def follow(self, names: Sequence[str]) -> None:
+        """What `within` gives from now on: measurements that the engine has a sensor of, as `true_force`."""
+        self._followed = np.array([self.plants.sensors[name].start for name in names])
+
+    def within(self) -> Array:
+        """(inner, names) measurements of the first row at the start of every step of the last period, by ideal sensors,
+        under the command of that period."""
+        return np.asarray(self.plants.record["sensordata"][0][:, self._followed])
+
     def add_noise(self, deviation: Array) -> bool:
         """True if the rows add noise themselves; the engine's do not."""
         return False
@@ -297,6 +306,13 @@ class Chained(EngineRows):
     def _hold(self, plants: ChainRows) -> None:
         self.plants = plants
         self.seeds = np.zeros(plants.n, dtype=np.int64)
+
+    def follow(self, names: Sequence[str]) -> None:
+        self._followed = np.array([self.names.index(name) for name in names])
+        self.plants.follow()
+
+    def within(self) -> Array:
+        return np.asarray(self.plants.within[0][:, self._followed])
 
     def add_noise(self, deviation: Array) -> bool:
         """Sets white noise (names,), SI, on all measurements; True: the rows add it themselves."""

@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 13 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 14 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -237,6 +237,9 @@ MRDAMP_API int mrdamp_rows_measurements(const mrdamp_rows* rows);
 MRDAMP_API int mrdamp_rows_criteria(const mrdamp_rows* rows); /* of a row */
 /* Sets white noise on every measurement: standard deviations, mrdamp_rows_measurements() of them. */
 MRDAMP_API int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, char* err, int err_size);
+/* From now on a control period also writes the measurements at the start of each of its steps, without noise and the
+ * accelerometers' errors, under its command: rows x steps x mrdamp_rows_measurements(). NULL: no more. */
+MRDAMP_API void mrdamp_rows_within(mrdamp_rows* rows, double* within);
 /* A row at rest; seed, a whole number below 2^53: of its noise. Writes its state and measurements. Before the first
  * command the dampers have none, or their command_start. */
 MRDAMP_API void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* load, double* state,

@@ -17,8 +17,10 @@ from mrdamp.compare.linear import CableBench
 from mrdamp.control.cable import cable_outputs, cable_plant
 from mrdamp.control.clipped_optimal import OptimalForce
 from mrdamp.control.force_control import ForceController
+from mrdamp.control.passive import Replay
 from mrdamp.control.registry import make
-from mrdamp.envs.loads import CableLoad
+from mrdamp.envs.loads import AmbientLoads, CableLoad
+from mrdamp.envs.plant_env import RowPlant
 from mrdamp.structures.cables import TENSION, StayCable
 from refusals import refuses
 
@@ -135,6 +137,21 @@ def ambient(seed: int) -> CableLoad:
     """Six seconds of white noise, uniform along the cable."""
     force = np.random.default_rng(seed).standard_normal((300, 1)) * 1.5
     return CableLoad("noise", 0.02, np.array([0.5]), force)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_force_and_energy_of_a_run_are_over_all_steps(engine: str) -> None:
+    """By the samples of the same commands at every step of a fifth: the force follows the sign of a fast motion."""
+    load = AmbientLoads(duration=1.0).draw(np.random.default_rng(0), StayCable().length)
+    u = np.random.default_rng(1).choice([0.0, 4.0], 201)
+    bench = CableBench(engine=engine)
+    run = bench.driven(Replay(u, 5e-3, "given"), load, 1.0)
+    plant = RowPlant(bench.structure, period=5e-5, timestep=5e-5, engine=engine)
+    y = [plant.reset(load), *(plant.step(one) for one in np.repeat(u, 100))]
+    force, stroke = (np.array([each[name] for each in y]) for name in ("true_force", "stroke"))
+    assert run["peak_force"] == pytest.approx(np.abs(force).max(), rel=0.01)
+    energy = np.sum((force[1:] + force[:-1]) / 2 * np.diff(stroke))
+    assert run["dissipated_energy"] == pytest.approx(energy, rel=0.01)
 
 
 @pytest.mark.slow

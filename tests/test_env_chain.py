@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,12 @@ from excitation import Array
 from frame_reference import solve
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
+from mrdamp.control.passive import Replay
 from mrdamp.envs import AmbientLoads, CableTask, FrameReward, FrameTask
 from mrdamp.envs.task import Task
 from mrdamp.model import Effect, Model, effects_from
 from mrdamp.motions import kanai_tajimi
+from mrdamp.simulation.stepping import FrameRun, run_frame
 from mrdamp.structures import dyke1996
 from networks import random_network
 from refusals import refuses
@@ -172,6 +175,42 @@ def test_the_frame_agrees_with_scipy(floor: int) -> None:
         assert last["peak_acceleration"] == pytest.approx(np.abs(wanted["acceleration"][:-1]).max(), rel=REWARDED)
         assert last["dissipated_energy"] == pytest.approx(wanted["energy"][-1], rel=OBSERVED)
         assert last["mean_current"] == pytest.approx(np.abs(wanted["current"][:-1]).mean(), rel=OBSERVED)
+
+
+def test_peaks_of_a_run_are_scipys() -> None:
+    """After jumps of the command the first floor's acceleration peaks between whole milliseconds, and far from the
+    controller's own 5 ms."""
+    motion, n = kanai_tajimi(3, duration=7.0, pga=5.0).compressed(5.0), 270
+    u = np.repeat(np.random.default_rng(4).choice([0.0, 0.7, 2.25], n // 6 + 1), 6)[:n]
+    wanted = solve(lambda t: float(np.interp(t, motion.time, motion.acceleration)), u, 5e-3, 2.5e-4)
+    until = slice(round(motion.duration / 2.5e-4) + 1)
+    drift = np.diff(wanted["displacement"], axis=1, prepend=0.0)[until]
+    true = [np.abs(x[until]).max(axis=0) for x in (wanted["acceleration"], wanted["force"])]
+
+    def off_peaks(run: FrameRun) -> float:
+        peaks = [np.abs(x).max(axis=0) for x in (run.drift, run.acceleration, run.force)]
+        ratios = [one / other for one, other in zip(peaks, [np.abs(drift).max(axis=0), *true], strict=True)]
+        return float(np.abs(np.hstack(ratios) - 1).max())
+
+    controller, benches = Replay(u, 5e-3, "given"), [FrameBench(frame_model(), engine=e) for e in ("mujoco", "chain")]
+    for bench in benches:
+        assert off_peaks(replace(bench, compression=1.0).driven(controller, motion, 1.0)) < 0.005
+    assert off_peaks(run_frame(frame_model(), motion, controller)) < 0.02
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_peaks_of_two_dampers_are_those_of_finer_steps(engine: str) -> None:
+    class Both(Replay):
+        def command(self, t: float, y: Mapping[str, float]) -> Any:
+            k = round(t / self.period)
+            return [2.25 * (k // 37 % 2), 1.0 if k // 53 % 2 else 0.2]
+
+    model = replace(frame_model(), structure=replace(dyke1996(), others=((1, 2),)))
+    bench = FrameBench(model, engine=engine, compression=1.0)
+    controller = Both(np.zeros(1), 1e-3, "both")
+    usual, fine = (replace(bench, timestep=h).driven(controller, MOTION, 1.0) for h in (2.5e-4, 2.5e-5))
+    for one, other in zip((usual.acceleration, usual.force), (fine.acceleration, fine.force), strict=True):
+        np.testing.assert_allclose(np.abs(one).max(axis=0), np.abs(other).max(axis=0), rtol=0.003)
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ bool Finite(const char* name, const double* a, int n, char* err, int size) {
 
 extern "C" {
 
-int mrdamp_abi(void) { return 13; }
+int mrdamp_abi(void) { return 14; }
 int mrdamp_attribute_count(void) { return kParamCount; }
 const char* mrdamp_attribute_name(int i) { return kAttributes[i].name; }
 const char* mrdamp_attribute_group(int i) { return kAttributes[i].group; }

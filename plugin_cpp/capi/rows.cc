@@ -172,6 +172,8 @@ int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, char* err, int
   return 0;
 }
 
+void mrdamp_rows_within(mrdamp_rows* rows, double* within) { rows->rows.SetWithin(within); }
+
 void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* load, double* state, double* measurements) {
   rows->rows.Start(seed, *load, state, measurements);
 }

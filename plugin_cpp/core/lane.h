@@ -18,6 +18,7 @@ struct MrdampRow {
   const mrdamp_load* load;
   const double* command;      // one for each damper
   double *criteria, *measured;
+  double* within;             // (steps, measurements) at their starts, or null
 };
 
 // The entries of code for one law and one length of pack (lanes/pack.cc). Dampers that share a pack are alike (core/packs.h).

@@ -211,6 +211,12 @@ void Loop::Step(const MrdampRow* rows, int count, const double* noise) {
   LoadAt(each, 0, load0_.data());
   Rates();
   for (int step = 0; step < plan_.steps; step++) {
+    if (rows[0].within) {
+      Measure(each, nullptr);
+      for (int i = 0; i < measurements(); i++) {
+        Scatter(measured_[i], count, [&](int l, double x) { rows[l].within[step * measurements() + i] = x; });
+      }
+    }
     before_ = rate_;
     from_ = a.q;
     for (int k = 0; k < many; k++) current_[k] = fabs(CurrentNow(*a.sites[k].d, a.sites[k].state.s, command[k]));

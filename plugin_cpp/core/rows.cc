@@ -46,7 +46,7 @@ void Rows::Pack(const MrdampPack* pack, Workspace* workspace) const {
 }
 
 void Rows::Start(double seed, const mrdamp_load& load, double* state, double* out) const {
-  MakeLoop()->Start(seed, {state, &load, nullptr, nullptr, out}, noise());
+  MakeLoop()->Start(seed, {state, &load, nullptr, nullptr, out, nullptr}, noise());
 }
 
 void Rows::Step(int n, double* state, const mrdamp_load* loads, const double* commands, double* criteria, double* out,
@@ -63,7 +63,7 @@ void Rows::Step(int n, double* state, const mrdamp_load* loads, const double* co
       for (int l = 0; l < count; l++) {
         const auto row = static_cast<std::size_t>(at + l);
         rows[l] = {state + row * size_, &loads[row], commands + row * dampers(), criteria + row * this->criteria(),
-                   out + row * measurements_};
+                   out + row * measurements_, within_ ? within_ + row * plan_.steps * measurements_ : nullptr};
       }
       if (count > 1) {
         Pack(pack, &workspace);

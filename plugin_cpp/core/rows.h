@@ -25,6 +25,8 @@ class Rows {
   int dampers() const { return static_cast<int>(dampers_.size()); }
   // Standard deviation of each measurement.
   void SetNoise(const double* deviation) { noise_.assign(deviation, deviation + measurements_); }
+  // What every step also writes from now on, as in mrdamp.h, or null.
+  void SetWithin(double* within) { within_ = within; }
 
   // A row at rest; seed: of its noise. out: its measurements without a command.
   void Start(double seed, const mrdamp_load& load, double* state, double* out) const;
@@ -51,6 +53,7 @@ class Rows {
   Sparse place_, drift_;
   int size_, measurements_;
   std::vector<double> noise_;  // empty: none
+  double* within_ = nullptr;
   std::vector<Workspace> workspaces_;
   Pool pool_;
 };

@@ -32,7 +32,7 @@ Record Motion(int n = 400, double dt = 1e-3) {
 }
 
 TEST(NumbersOfTheInterface) {
-  CHECK(mrdamp_abi() == 13);
+  CHECK(mrdamp_abi() == 14);
   CHECK(mrdamp_law_count() == 5);
   for (int law = 0; law < 5; law++) CHECK(mrdamp_law_find(mrdamp_law_name(law)) == law);
   CHECK(mrdamp_law_find("") == -1 && mrdamp_law_find("dahl") == -1);

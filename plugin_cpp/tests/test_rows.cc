@@ -98,9 +98,14 @@ void LikeTheFrame(const Frame& frame, const std::vector<check::Setting>& more, i
   char err[300] = "";
   check::That(mrdamp_run_frame(mrdamp_law_find("bouc_wen"), nullptr, 1, params.data(), &f, dt, samples, rows.ground.data(),
                                u.data(), &options, wanted.data(), err, sizeof err) == 0, __FILE__, __LINE__, err);
-  std::vector<double> got[5], of[5];
+  std::vector<double> got[5], of[5], within(static_cast<std::size_t>(kSteps) * rows.many), inside, fine;
+  mrdamp_rows_within(rows.rows, within.data());
   for (int k = 1; k <= kPeriods; k++) {
     rows.Step({Command(k - 1)});
+    for (int i = 0; i < 5; i++) {  // displacement of floor 3
+      inside.push_back(within[i * (kSteps / 5) * rows.many + 5]);
+      fine.push_back(wanted[static_cast<std::size_t>(5) * samples + 5 * (k - 1) + i]);
+    }
     const double read[] = {rows.Displacement(1), rows.Displacement(3), rows.Of(2), rows.Of(3), rows.Of(1)};
     const int columns[] = {3, 5, 8, 9, 7};
     for (int c = 0; c < 5; c++) {
@@ -109,6 +114,7 @@ void LikeTheFrame(const Frame& frame, const std::vector<check::Setting>& more, i
     }
   }
   for (int c = 0; c < compared; c++) NEAR(check::Difference(got[c], of[c]), 0, 1e-5);
+  NEAR(check::Difference(inside, fine), 0, 1e-5);
 }
 
 TEST(ARowIsTheFramesEntry) {

@@ -26,7 +26,7 @@ from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 
-_VERSION = 10  # of what a kept run holds
+_VERSION = 11  # of what a kept run holds
 #: Option of a kind of controller -> what tuning chooses it from, the lower and the upper end.
 Ranges = Mapping[str, tuple[float, float]]
 
@@ -304,14 +304,13 @@ _PART = 1e-3
 @dataclass(frozen=True)
 class PlantRun:
     """Samples every `period` (s): results of the rows for each period (n, columns), at its end command and current (A
-    or V), force (N) and stroke (m), (n,) each."""
+    or V), (n,) each. peak_force: N, over all steps of the engine."""
 
     period: float
     of_period: Array
     command: Array
     current: Array
-    force: Array
-    stroke: Array
+    peak_force: float
 
     @property
     def duration(self) -> float:
@@ -363,12 +362,15 @@ class PlantBench(Bench):
         sampled, measured = ZeroOrderHold(controller, every), self.measured
         plant.rows.window = WINDOW
         sampled.reset()
-        y, rows, said = plant.reset(scaled), [], []
+        y, rows, said, peak_force = plant.reset(scaled), [], [], 0.0
+        plant.rows.follow(["true_force"])
         while not plant.finished:
             # In a copy of its own.
             command = sampled.command(plant.time, {name: y[name] for name in measured})
             y = plant.step(command)
-            rows.append((command, y["current"], y["true_force"], y["stroke"]))
+            rows.append((command, y["current"]))
             said.append(tuple(plant.of_period))
-        run = PlantRun(period, np.array(said), *np.array(rows).T)
+            peak_force = max(peak_force, float(np.abs(plant.rows.within()).max()))
+        command, current = np.array(rows).T
+        run = PlantRun(period, np.array(said), command, current, peak_force)
         return {**self.kept(run), **run.electric(self.command_unit, self.site.command_max)}

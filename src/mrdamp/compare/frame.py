@@ -28,10 +28,8 @@ from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.floor_sensors import FloorSensors
 from mrdamp.simulation.rows import Stepping
-from mrdamp.simulation.stepping import FrameRun, run_frame
+from mrdamp.simulation.stepping import SAMPLE_TIME, FrameRun, run_frame
 
-#: Of what is kept of a run: a controller with a longer period is held in between, so that no peak is missed.
-SAMPLE_TIME = 1e-3
 #: J1 to J6 and J12 over the uncontrolled run, J11 over the weight, as in mrdamp.simulation.criteria.
 _RATIOS = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
 
@@ -104,11 +102,11 @@ class FrameBench(Bench):
         return [*(f"{what}_{j}" for what in names for j in floors), *own]
 
     def history(self, spec: str, load: GroundMotion, amplitude: float) -> FrameRun:
-        """The run itself, sampled at SAMPLE_TIME or a little less; spec: see `mrdamp.control.registry`."""
+        """The run itself, sampled at every step of the engine; spec: see `mrdamp.control.registry`."""
         if spec == UNCONTROLLED:
             played = self.played(load, amplitude)
             require_periods(played, SAMPLE_TIME)
-            return run_frame(self.model, played, None, period=SAMPLE_TIME, timestep=self.timestep)
+            return run_frame(self.model, played, None, timestep=self.timestep, each_step=True)
         return self.driven(self.controller(spec), load, amplitude, ideal=registry.is_ideal(spec))
 
     def controller(self, spec: str) -> Controller:
@@ -139,7 +137,7 @@ class FrameBench(Bench):
             return run_rows(
                 self.model, played, finer, timestep=self.timestep, engine=self.engine, measured=self.measured
             )
-        return run_frame(self.model, played, finer, timestep=self.timestep, ideal_force=ideal)
+        return run_frame(self.model, played, finer, timestep=self.timestep, ideal_force=ideal, each_step=True)
 
     def criteria(self, spec: str, run: FrameRun) -> Criteria:
         """Of a run."""
@@ -249,8 +247,8 @@ def run_rows(
 ) -> FrameRun:
     """A controlled frame with a damper or several on rows, as `run_frame` runs one in MuJoCo.
 
-    At the controller's period (s); timestep: the engine's largest, s. measured: what the controller is given, in a
-    copy of its own; None: all measurements of the rows.
+    Sampled at every step of the engine; timestep: the largest, s. measured: what the controller is given, in a copy of
+    its own; None: all measurements of the rows.
 
     Of m dampers, at the places of the model's structure, force, stroke, command and current are (n, m).
     """
@@ -265,24 +263,29 @@ def run_rows(
     )  # fmt: skip
     controller.reset()
     y = plant.reset(motion)
-    rows: list[list[float]] = []
+    inner: int = plant.rows.plants.inner
+    rows: list[Array] = []
+    commands: list[list[float]] = []
     floors, dampers = range(1, model.structure.storeys + 1), range(len(model.structure.places))
     names = [f"{what}_{j}" for what in ("drift", "acceleration") for j in floors]
     names += [sensor_name(what, k) for what in ("true_force", "stroke", "current") for k in dampers]
+    plant.rows.follow(names)
     # The run has the true accelerations, the controller what the floors' accelerometers read.
     sensors, accelerations = FloorSensors(model.frame, controller.period, 1), [f"acceleration_{j}" for j in floors]
     while not plant.finished:
         read = sensors.read(np.array([[y[name] for name in accelerations]]), None if rows else [0])[0]
         seen = {**y, **dict(zip(accelerations, read.tolist(), strict=True))}
         command = controller.command(plant.time, {name: seen[name] for name in measured or seen})
-        rows.append([*(y[name] for name in names), *np.broadcast_to(command, len(dampers)).tolist()])
-        y = plant.step(command)
-    found = np.array(rows)
+        before, y = y, plant.step(command)
+        rows.append(plant.rows.within())
+        rows[-1][0] = [before[name] for name in names]  # before the command
+        commands.append(np.broadcast_to(command, len(dampers)).tolist())
+    samples = (len(rows) - 1) * inner + 1
     n, m = len(floors), len(dampers)
-    drift, acceleration, *each = np.split(found, np.cumsum([n, n, m, m, m]), axis=1)
+    drift, acceleration, *each = np.split(np.concatenate(rows)[:samples], np.cumsum([n, n, m, m]), axis=1)
+    each.append(np.repeat(commands, inner, axis=0)[:samples])
     force, stroke, current, given = (part if m > 1 else part[:, 0] for part in each)
-    time = controller.period * np.arange(len(found), dtype=np.float64)
-    return FrameRun(time, drift, acceleration, force, stroke, given, current)
+    return FrameRun(plant.rows.plants.timestep * np.arange(samples), drift, acceleration, force, stroke, given, current)
 
 
 #: s, of the clairvoyant command at most.

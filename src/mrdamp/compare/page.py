@@ -12,7 +12,7 @@ from mrdamp.compare import tables
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Load
 from mrdamp.compare.comparison import Comparison, Summary, difference
 from mrdamp.compare.contenders import Contender
-from mrdamp.compare.frame import SAMPLE_TIME, FrameBench
+from mrdamp.compare.frame import FrameBench
 from mrdamp.files import write_atomic
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
@@ -20,7 +20,7 @@ from mrdamp.pictures.compare import Bar, by_amplitude, ranking, search_paths, sh
 from mrdamp.pictures.structure import command_history, drifts, profile
 from mrdamp.report import Page
 from mrdamp.simulation.criteria import Criteria
-from mrdamp.simulation.stepping import FrameRun
+from mrdamp.simulation.stepping import SAMPLE_TIME, FrameRun
 
 _FEW = 6  # controllers that lines distinguish
 _USUAL = (
@@ -184,8 +184,7 @@ def _short_start(spec: str) -> str:
 def _add_frame_runs(page: Page, unit: str, shown: Mapping[str, tuple[FrameRun, Criteria]], case: str) -> None:
     """Histories of one case of a frame. shown: controller -> run and criteria, the uncontrolled one first."""
     # Runs of different periods end within a sample of each other.
-    time = np.arange(min(len(run.time) for run, _ in shown.values())) * SAMPLE_TIME
-    time = time[time <= min(run.time[-1] for run, _ in shown.values())]
+    time = np.arange(0.0, min(run.time[-1] for run, _ in shown.values()) + 1e-9, SAMPLE_TIME)
 
     def at(run: FrameRun, values: Array) -> Array:
         return np.stack([np.interp(time, run.time, column) for column in values.T], axis=1)

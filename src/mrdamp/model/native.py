@@ -17,7 +17,7 @@ from mrdamp.library import library_path, load_plugin
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 13
+_ABI = 14
 ERROR_SIZE = 400
 
 
@@ -131,6 +131,7 @@ def _entries() -> dict[str, tuple[Any, ...]]:
         **dict.fromkeys(("rows_size", "rows_measurements", "rows_criteria"), (whole, address)),
         "rows_free": (None, address),
         "rows_noise": (whole, address, double_p, *error),
+        "rows_within": (None, address, double_p),
         "rows_start": (None, address, real, p(Load), address, address),
         # Called every control period: addresses, which are quicker to hand over than typed pointers.
         "rows_step": (None, address, whole, *(address,) * 5, whole, whole),

@@ -116,7 +116,7 @@ class ChainRows:
 
     Attributes: state (n, doubles), all that a row's future depends on but for its load and commands; criteria (n, 6),
     of a car (n, 9), and measured (n, measurements) of the last period, used again by the next; period s, inner: steps
-    in it.
+    in it; within (n, inner, measurements), after `follow`: those at the start of every step of the last period.
     """
 
     def __init__(
@@ -223,6 +223,11 @@ class ChainRows:
             raise InputError(f"noise has shape {values.shape}; expected {self.measured.shape[1:]}")
         checked(self._lib.mrdamp_rows_noise, self._handle, pointer(values))
         self._noise = values
+
+    def follow(self) -> None:
+        """From now on `within` holds what is measured at the start of every step, without noise."""
+        self.within = np.zeros((self.n, self.inner, self.measured.shape[1]))
+        self._lib.mrdamp_rows_within(self._handle, pointer(self.within))
 
     def start(self, row: int, load: Array, sample_time: float, steps: int, seed: int = 0) -> None:
         """Row at rest under a load (samples, loads) every sample_time (s), straight between samples.

@@ -121,7 +121,7 @@ def _straight(x: Array, v: Array, dt: float, inner: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class FrameRun:
-    """A run of a frame at the control period (n samples, N storeys), SI: what happens, not what sensors read."""
+    """A run of a frame (n samples, N storeys), SI: what happens, not what sensors read."""
 
     time: Array  # (n,) s
     drift: Array  # (n, N) m
@@ -132,6 +132,10 @@ class FrameRun:
     current: Array  # (n,)
 
 
+#: s, between samples of a run at most: a controller with a longer period is held in between, so that peaks are seen.
+SAMPLE_TIME = 1e-3
+
+
 def run_frame(
     model: Model,
     motion: GroundMotion,
@@ -140,15 +144,17 @@ def run_frame(
     period: float = 1e-3,
     timestep: float = 2.5e-4,
     ideal_force: bool = False,
+    each_step: bool = False,
     progress: Progress | None = None,
 ) -> FrameRun:
     """The model's frame in MuJoCo under a ground motion; controller None takes the damper out.
 
-    period (s): of control and of the samples returned, the controller's own where there is one. timestep (s): the
-    largest step of the engine. The ground moves within a control period, the command is held over it. ideal_force:
-    an ideal actuator stands in the damper's place and the command is its force, N.
+    period (s): of the samples returned, with a controller its own, or a whole part of it where that is above
+    `SAMPLE_TIME`. timestep (s): the largest step of the engine. The ground moves within a control period, the command
+    is held over it. ideal_force: an ideal actuator stands in the damper's place and the command is its force, N.
+    each_step: also samples at every step of the engine in between.
     """
-    require_kind("True, False", bool, ideal_force=ideal_force)
+    require_kind("True, False", bool, ideal_force=ideal_force, each_step=each_step)
     if not isinstance(model, Model) or not hasattr(motion, "acceleration"):
         raise InputError("run_frame takes a Model and a GroundMotion (read_motion)")
     if controller is not None and not hasattr(controller, "period"):
@@ -160,6 +166,8 @@ def run_frame(
     if controller is not None:
         period = controller.period
         controller.reset()
+    every = _steps(period, SAMPLE_TIME)  # samples a control period
+    period /= every
     storeys, inner = model.structure.storeys, _steps(period, timestep)
     step = period / inner
     damped = controller is not None and not ideal_force
@@ -174,44 +182,53 @@ def run_frame(
     # The engine's Euler step is a leapfrog whose velocities stand half a step early: forces belong to its start.
     push = np.interp(step * np.arange(samples * inner), motion.time, motion.acceleration)
     sensors = FloorSensors(model.frame, period, 1)
-    run = FrameRun(
-        time=period * np.arange(samples, dtype=np.float64),
-        drift=np.empty((samples, storeys)),
-        acceleration=np.empty((samples, storeys)),
-        **{name: np.zeros(samples) for name in ("force", "stroke", "command", "current")},
-    )
+    seen = [address[name] for name in ("stroke", "stroke_velocity", "damper_force")] if damped else []
+    of_damper = (address[name] for name in ("true_force", "stroke", "current") if damped)
+    columns = np.array([*drifts, *accelerations, *of_damper])
+    parts = inner if each_step else 1
+    # Drifts, accelerations, and of the damper force, stroke and current.
+    found, given = np.zeros((samples * parts, 2 * storeys + 3)), np.zeros(samples * parts)
+    command = 0.0
     for k in range(samples):
         d.ctrl[ground] = push[k * inner]
         mujoco.mj_forward(m, d)
-        run.drift[k] = d.sensordata[drifts]
-        run.acceleration[k] = d.sensordata[accelerations]
+        now = found[k * parts]
+        now[: len(columns)] = d.sensordata[columns]
+        drift, acceleration = now[:storeys], now[storeys : 2 * storeys]
         if controller is not None:
             if damped:
-                run.force[k], reading = d.sensordata[[address["true_force"], address["damper_force"]]]
-                run.stroke[k] = d.sensordata[address["stroke"]]
-                run.current[k] = d.sensordata[address["current"]]
-                velocity = d.sensordata[address["stroke_velocity"]]
+                stroke, velocity, reading = d.sensordata[seen]
             else:
-                run.force[k] = reading = run.command[k - 1] if k else 0.0
-                run.stroke[k] = lever @ run.drift[k]
+                now[-3:-1] = reading, stroke = command, lever @ drift
                 velocity = lever @ d.qvel[joints]
-            displacement = np.cumsum(run.drift[k])
-            read = sensors.read(run.acceleration[k : k + 1], None if k else [0])[0]
+            read = sensors.read(acceleration[None], None if k else [0])[0]
+        if controller is not None and k % every == 0:
+            displacement = np.cumsum(drift)
             y = {f"acceleration_{j + 1}": float(read[j]) for j in range(storeys)}
             y |= {f"displacement_{j + 1}": float(displacement[j]) for j in range(storeys)}
-            y |= {"stroke": float(run.stroke[k]), "force": float(reading), "stroke_velocity": float(velocity)}
-            run.command[k] = controller.command(float(run.time[k]), y)
+            y |= {"stroke": float(stroke), "force": float(reading), "stroke_velocity": float(velocity)}
+            given[k * parts : (k + every) * parts] = controller.command(period * k, y)
+            command = given[k * parts]
             if damped:
-                d.ctrl[damper] = run.command[k]
+                d.ctrl[damper] = command
             else:
-                d.qfrc_applied[joints] = -run.command[k] * lever
+                d.qfrc_applied[joints] = -command * lever
         for i in range(inner):
             d.ctrl[ground] = push[k * inner + i]
             mujoco.mj_step(m, d)
+            if 0 < i < parts:
+                now = found[k * parts + i]
+                now[: len(columns)] = d.sensordata[columns]
+                if controller is not None and not damped:
+                    now[-3:-1] = command, lever @ now[:storeys]
         if progress is not None and k % 200 == 0:
             progress(k * 100 // samples)
     _require_sound(model, d)
-    return run
+    n = (samples - 1) * parts + 1
+    drift, acceleration, each = (part.copy() for part in np.split(found[:n], [storeys, 2 * storeys], axis=1))
+    force, stroke, current = each.T
+    time = period / parts * np.arange(n, dtype=np.float64)
+    return FrameRun(time, drift, acceleration, force, stroke, given[:n], current)
 
 
 def drive_frame(
