@@ -110,7 +110,7 @@ def begun(
     floor = floors(plain, noise, {})
     problem = plain.like(trust=trust(plain, floor))
     own = 0.0 if base is None else own_cost(problem, base)
-    made = Search(problem, problem.cost(floor), limits or Limits(), rig.threads, own=own, steady=noise.steady, **how)
+    made = Search(problem, problem.cost(floor), limits or Limits(), own=own, steady=noise.steady, **how)
     return made, floor
 
 

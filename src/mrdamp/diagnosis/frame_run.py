@@ -99,21 +99,21 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
         return lambda what, share: progress(what, begin + (end - begin) * share)
 
     channels = compared_without_law(case, rig, found)
-    search = _search(rig, noise, base, limits, jobs, part(0.05, 0.45))
+    search = _search(rig, noise, base, limits, part(0.05, 0.45))
     _, decision = judge(search, rig, channels)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
     unexplained = any(c.unexplained for c in channels)
     outside = any(search.solved(f) for f in search.rivals) or (search.inexact and unexplained)
     if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
         rig = replace(rig, free_structure=True)
-        search = _search(rig, noise, base, limits, jobs, part(0.45, 0.7), search)
+        search = _search(rig, noise, base, limits, part(0.45, 0.7), search)
     # The search takes few records, averaged; what is told is of all of them as they were logged.
     whole = replace(rig, as_logged=True)
     floor, covered, before = floors(Problem(whole, coarse=True), noise, {}), (len(small.records),) * 2, None
     if case.baseline:
         before = predicted_gap(given, Problem(replace(whole, raw=case.baseline)))
     return FrameSearched(
-        small, whole, search, noise, floor, untouched, channels, notes, again, "", covered, before, case, found, jobs
+        small, whole, search, noise, floor, untouched, channels, notes, again, "", covered, before, case, found
     )
 
 
@@ -124,7 +124,6 @@ class FrameSearched(Searched):
     rig: FrameRig
     measured: Case
     blocks: tuple[Block, ...]
-    jobs: int
 
     def judged(self, progress: Progress) -> tuple[list[Fit], Decision, OtherLaw | None]:
         """See `Searched`."""
@@ -134,7 +133,7 @@ class FrameSearched(Searched):
         if self.again is not None or not search.inexact or not LAW_FORMS.intersection(named):
             return fits, decision, None
         progress("identifying other laws", 0.68)
-        other = other_law(self.measured, search.problem, fits[decision.chosen.index], self.jobs)
+        other = other_law(self.measured, search.problem, fits[decision.chosen.index], self.rig.threads)
         if other is None:
             return fits, decision, None
         return (*judge(*given, other.others), other) if other.others else (fits, not_established(decision), other)
@@ -204,7 +203,6 @@ def _search(
     noise: Noise,
     base: Array,
     limits: Limits,
-    jobs: int,
     progress: Progress,
     before: Search | None = None,
 ) -> Search:
@@ -217,7 +215,7 @@ def _search(
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.0)
     cost, own = float(np.sum(floor**2)) / len(rig.channels), own_cost(problem, base)
-    search = FrameSearch(problem, cost, limits, jobs, own=own, steady=noise.steady)
+    search = FrameSearch(problem, cost, limits, own=own, steady=noise.steady)
     if before is not None:
         search.cache = before.cache.with_fixed_law()
         for found in before.ranked(False):

@@ -78,7 +78,6 @@ class FitTable:
     problem: Problem
     floor: float
     limits: Limits = field(default_factory=Limits)
-    jobs: int = 1
     fits: dict[tuple[bool, frozenset[str]], Fit] = field(default_factory=dict)
     own: float = 0.0
     failed: list[str] = field(default_factory=list)
