@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from mrdamp.diagnosis.constants import CELL_SCALE
 from mrdamp.diagnosis.fits.least_squares import DAMPING, PRIOR_WEIGHT, ROUGHLY, Fit, gauss_newton
 from mrdamp.diagnosis.hypotheses.nominal_effects import own_settings
-from mrdamp.diagnosis.problem.joint_runs import side_by_side
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 from mrdamp.records.motion import share_of_stroke
@@ -62,9 +61,8 @@ def predicted(problem: Problem, found: Fit, left: Sequence[Mask]) -> Array:
     if not found.hypothesis.coordinates:
         return found.residual
     out = np.empty(problem.samples)
-    again = side_by_side(lambda mask: refitted(problem, found, mask), [(mask,) for mask in left])
-    for mask, residual in zip(left, again, strict=True):
-        out[mask] = residual[mask]
+    for mask in left:
+        out[mask] = refitted(problem, found, mask)[mask]
     return out
 
 

@@ -15,7 +15,6 @@ from mrdamp.diagnosis.fits.beam import ScoreTest
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.table import FitTable
 from mrdamp.diagnosis.hypotheses.terms import Term
-from mrdamp.diagnosis.problem.joint_runs import side_by_side
 from mrdamp.model.core import Array
 
 #: Largest scale factor of a signature in a screening.
@@ -69,7 +68,7 @@ def _screened(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[ScoreT
         hypothesis, point = table.start_from(found, term, k)
         return np.asarray(rough.residuals(hypothesis, point)[0] - before)
 
-    changes = {(term.name, k): d for (term, k), d in zip(tasks, side_by_side(change, tasks), strict=True)}
+    changes = {(term.name, k): d for (term, k), d in zip(tasks, table.map(change, tasks), strict=True)}
     if nominal:
         known.update(changes)
         changes = known

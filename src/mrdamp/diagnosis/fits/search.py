@@ -24,7 +24,6 @@ from mrdamp.diagnosis.fits.sampled_delay import try_sampled_delay
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import NEARLY, SOLVED, FitTable
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
-from mrdamp.diagnosis.problem.joint_runs import side_by_side
 from mrdamp.model.core import Array
 
 Progress = Callable[[str, float], None]
@@ -209,7 +208,7 @@ class Search(FitTable):
             least = min([least, *(f.cost for f in found)])
         if free:
             best = [f for f in self.ranked(True) if len(f.hypothesis.causes) == depth][: limits.polished]
-            for polished in side_by_side(self._polish, [(f,) for f in best]):
+            for polished in self.map(self._polish, [(f,) for f in best]):
                 self.keep(polished)
         try_sampled_delay(self, self.best(free, depth))
 
@@ -220,7 +219,7 @@ class Search(FitTable):
         known = self.law_columns(parent)
         tasks = [(*self.start_from(parent, p.term, p.start, p.by), known, parent.cost) for p in chosen]
         fits = self._by_cost(self.tried_all(tasks))
-        best = side_by_side(self._polish, [(f,) for f in fits[: BESIDE.polished]])
+        best = self.map(self._polish, [(f,) for f in fits[: BESIDE.polished]])
         return self._by_cost([*best, *fits[BESIDE.polished :]])
 
     def _log_cost(self, found: Fit) -> float:

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from mrdamp.diagnosis.constants import EVIDENCE_GAIN, INEXACT, NUMBER, STALL_GAIN
 from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY, ScoreTest
@@ -27,7 +28,6 @@ from mrdamp.diagnosis.fits.left_out import (
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.stall import Stalls
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
-from mrdamp.diagnosis.problem.joint_runs import side_by_side
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 
@@ -299,12 +299,12 @@ class FitTable:
 
     def keep_fitted(self, tasks: Iterable[tuple[Hypothesis, Array]], **how: Any) -> None:
         """Fits hypotheses from their points and keeps the results. how: as in `fitted`."""
-        for found in side_by_side(lambda h, q: self.fitted(h, q, **how), tasks):
+        for found in self.map(lambda h, q: self.fitted(h, q, **how), tasks):
             self.keep(found)
 
     def tried_all(self, tasks: Iterable[tuple[Hypothesis, Array, Array | None, float]]) -> list[Fit]:
         """Fits as in `tried`, without those that fail."""
-        return [f for f in side_by_side(self.tried, tasks) if f is not None]
+        return [f for f in self.map(self.tried, tasks) if f is not None]
 
     def ranked(self, free: bool) -> list[Fit]:
         """Fits with free or fixed nominal parameters, by cost."""
@@ -342,3 +342,10 @@ class FitTable:
         hypothesis = Hypothesis(self.base.hypothesis.nominal, found.hypothesis.terms)
         return hypothesis, np.concatenate([np.zeros(len(hypothesis.nominal)), found.point])
 
+    def map(self, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> list[Any]:
+        """Results of a function for each tuple of arguments, in parallel threads."""
+        tasks, threads = list(tasks), self.problem.rig.threads
+        if threads == 1 or len(tasks) < 2:
+            return [function(*task) for task in tasks]
+        # The work is done in the C entry, which releases the interpreter's lock.
+        return list(Parallel(n_jobs=threads, prefer="threads")(delayed(function)(*task) for task in tasks))

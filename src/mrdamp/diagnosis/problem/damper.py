@@ -25,7 +25,6 @@ from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term,
 from mrdamp.diagnosis.problem.command_memory import with_waves
 from mrdamp.diagnosis.problem.designs import Envelope, Signal
 from mrdamp.diagnosis.problem.excerpts import STEP, Lead, excerpts
-from mrdamp.diagnosis.problem.joint_runs import joint
 from mrdamp.diagnosis.problem.residuals import Problem, compared
 from mrdamp.diagnosis.problem.rig import STEADY, Simulator, own_noise
 from mrdamp.model import Model, core
@@ -294,12 +293,7 @@ class DamperRig(Simulator):
                 command = commanded(outside, one.inputs.u, dt)
                 sets.append(core.Sets(params, dt, x, command, v, a, hold, True, dt / one.pieces))
                 parts.append((one, made, outside, rows, x, v))
-        narx, threads = self.nominal_model.narx, self.threads
-
-        def call(sets: list[core.Sets]) -> list[Array]:
-            return core.run_records(law, sets, threads=threads, narx=narx, columns=names)
-
-        runs = joint((law, id(narx), *names), call, sets, threads)
+        runs = core.run_records(law, sets, threads=self.threads, narx=self.nominal_model.narx, columns=names)
         for (one, made, outside, rows, x, v), run in zip(parts, runs, strict=True):
             run = forced(outside, run, x, v)
             for k, name in enumerate(names):

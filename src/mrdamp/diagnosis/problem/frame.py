@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from mrdamp.diagnosis.hypotheses.outside_storeys import base_rivals, bent, shake
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.diagnosis.problem.command_memory import with_waves
 from mrdamp.diagnosis.problem.designs import Envelope, Signal
-from mrdamp.diagnosis.problem.joint_runs import joint
 from mrdamp.diagnosis.problem.rig import Simulator, own_noise
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core
@@ -336,23 +334,21 @@ class FrameRig(Simulator):
                 )
                 for s in own
             ]
-            frames = [bent(outside, self._frame(s)) for s in own]
-            inputs = shaken(outside, ground, sample_time), commanded(outside, command, sample_time)
-            call = partial(self._run_frames, sample_time, *inputs, step)
-            alike = (id(self.nominal_model), step, sample_time, *map(id, inputs))
-            runs = joint(alike, call, list(zip(vectors, frames, strict=True)), self.threads)
+            runs = core.run_frame_many(
+                self.nominal_model.law,
+                np.array(vectors),
+                [bent(outside, self._frame(s)) for s in own],
+                sample_time,
+                shaken(outside, ground, sample_time),
+                commanded(outside, command, sample_time),
+                hold=self.hold,
+                substep=step,
+                threads=self.threads,
+                narx=self.nominal_model.narx,
+            )
             for k, run in zip(rows, runs, strict=True):
                 out[k] = run
         return out
-
-    def _run_frames(
-        self, sample_time: float, ground: Array, command: Array, step: float, each: list[tuple[Array, FrameInput]]
-    ) -> list[dict[str, Array]]:
-        """Columns for each parameter set and frame."""
-        vectors, frames = zip(*each, strict=True)
-        law, narx = self.nominal_model.law, self.nominal_model.narx
-        how: dict[str, Any] = {"hold": self.hold, "substep": step, "threads": self.threads, "narx": narx}
-        return core.run_frame_many(law, np.array(vectors), frames, sample_time, ground, command, **how)
 
     def _step(self, record: int, coarse: bool) -> float:
         """s, inner step of the chain in a record."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
-from mrdamp.diagnosis.problem.joint_runs import side_by_side
 from mrdamp.diagnosis.problem.rig import Rig, Together
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
@@ -134,12 +134,15 @@ class Problem:
         return out
 
     def _all_simulated(self, settings: Sequence[Settings]) -> list[Array]:
-        """Runs of all records."""
+        """Runs of all records at once or in parallel, so that a single fit uses all threads."""
         self.runs += len(settings) * len(self.records)
         if isinstance(self.rig, Together):
             with contextlib.suppress(InputError):  # which of them is found one by one
                 return self.rig.simulate_together(settings, self.records, coarse=self.coarse)
-        return side_by_side(lambda k: self._simulated(settings, k), [(k,) for k in self.records])
+        if self.rig.threads == 1 or len(self.records) == 1:
+            return [self._simulated(settings, k) for k in self.records]
+        with ThreadPoolExecutor(self.rig.threads) as pool:
+            return list(pool.map(lambda k: self._simulated(settings, k), self.records))
 
     def _simulated(self, settings: Sequence[Settings], record: int) -> Array:
         """Runs (sets, channels, n); NaN for settings outside the chain's limits (an unbounded hysteresis)."""
