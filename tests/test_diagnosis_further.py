@@ -230,21 +230,26 @@ def test_a_simulator_that_was_identified_on_the_records_is_judged_by_left_out_fi
 
 
 @pytest.mark.parametrize(
-    ("verdict", "before", "kept"), [("unknown", 0.2, True), ("unknown", 0.21, False), ("effect", 0.21, True)]
-)
-def test_a_correction_without_a_cause_has_to_hold_on_the_baseline_too(
-    answered: tuple[Search, list[Fit], Decision], verdict: str, before: float, kept: bool,
+    ("verdict", "where", "gap", "kept"),
+    [
+        ("unknown", "baseline", 0.2, True), ("unknown", "baseline", 0.21, False), ("effect", "baseline", 0.21, True),
+        ("unknown", "uncovered", 0.21, False), ("effect", "uncovered", 0.21, False), ("effect", "uncovered", 0.2, True),
+    ],
+)  # fmt: skip
+def test_a_correction_has_to_hold_on_other_records_of_the_rig(
+    answered: tuple[Search, list[Fit], Decision], verdict: str, where: str, gap: float, kept: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    """The corrected simulator's gap on the baseline is `before`, the nominal one's .2."""
+    """The corrected simulator has a gap on records of the baseline, of which it is no matter if there is a cause, or on
+    some that the baseline does not cover. The nominal one's is .2."""
     search, fits, decision = answered
-    problem, baseline = search.problem, Problem(search.problem.rig)
+    problem, others = search.problem, Problem(search.problem.rig)
     final = FinalFit(next(f for f in fits if f.hypothesis.causes), 0.1 * problem.gaps(search.residual), problem)
     monkeypatch.setattr(Search, "predicted", lambda self, found: 0.1 * self.residual)
-    gaps = iter([0.1, 1.0, before, 0.2])
+    gaps = iter([0.1, 1.0, gap, 0.2])
     monkeypatch.setattr(judgement, "predicted_gap", lambda model, problem: next(gaps))
-    handed, after = never_worse(search, fits, final, replace(decision, verdict=verdict), baseline)
-    assert (handed is final, after.verdict) == (kept, verdict)
+    handed, after = never_worse(search, fits, final, replace(decision, verdict=verdict), **{where: others})
+    assert (handed is final, after.verdict) == (kept, verdict if kept else "unknown")
 
 
 def test_a_simulator_that_no_model_file_takes_is_not_handed_over() -> None:

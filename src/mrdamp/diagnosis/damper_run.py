@@ -98,7 +98,11 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     if case.baseline:
         before = gap_by_file(rig, case.model, case.baseline) if again is None else again.before
     covered = len(case.records), len(asked)
-    return DamperSearched(case, rig, search, noise, floor, untouched, channels, notes, again, beyond, covered, before)
+    others = tuple(r for r in asked if r.name in left) if covered[0] < covered[1] else ()
+    return DamperSearched(
+        case, rig, search, noise, floor, untouched, channels, notes, again, beyond, covered, before,
+        Problem(DamperRig(case.model, others, **how)) if others else None,
+    )  # fmt: skip
 
 
 def begun(

@@ -113,7 +113,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     if case.baseline:
         before = predicted_gap(given, Problem(replace(whole, raw=case.baseline)))
     return FrameSearched(
-        small, whole, search, noise, floor, untouched, channels, notes, again, "", covered, before, case, found
+        small, whole, search, noise, floor, untouched, channels, notes, again, "", covered, before, None, case, found
     )
 
 

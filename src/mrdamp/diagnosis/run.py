@@ -74,7 +74,9 @@ def concluded(found: Searched, progress: Progress = silent) -> Concluded:
     before, decision = decision.chosen, likely(search, decision, fits, regimes)
     if decision.chosen is not before:
         final, regimes = fitted()
-    final, decision = never_worse(search, fits, final, decision, found.baseline)
+    final, decision = never_worse(
+        search, fits, final, decision, baseline=found.baseline, uncovered=found.uncovered
+    )
     if decision.verdict == "effect" and search.missed:
         parent = least_left_out(search, fits[decision.chosen.index])
         more = with_unnamed(search, parent)

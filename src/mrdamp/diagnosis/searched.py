@@ -36,7 +36,8 @@ class Searched(ABC):
     baseline: residuals of the baseline's records, None without any. compared: channels that see the same. notes: of
     the audit. again: the law identified again on the baseline, which the case's model then has. beyond: how all records
     leave the regimes of the baseline; empty if some do not. covered: number of records in these regimes, and of all.
-    before: gap of the given simulator on the baseline, by its file; None without one.
+    before: gap of the given simulator on the baseline, by its file; None without one. uncovered: residuals of the
+    records outside these regimes; None if there are none, or all are.
     """
 
     case: Case
@@ -51,6 +52,7 @@ class Searched(ABC):
     beyond: str
     covered: tuple[int, int]
     before: float | None
+    uncovered: Problem | None
 
     @abstractmethod
     def judged(self, progress: Progress) -> tuple[list[Fit], Decision, OtherLaw | None]:
