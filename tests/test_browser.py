@@ -90,7 +90,6 @@ def faults(page: Path, folder: Path, widths: tuple[int, ...], dark: bool = False
     return complaints
 
 
-# --- the pages ------------------------------------------------------------------------------
 def demo_page(folder: Path) -> Path:
     records = embedded()
     for half, chosen in (("train", records.train[1:4]), ("validation", records.validation[:2])):
@@ -153,18 +152,3 @@ def test_page_is_whole_and_fits_a_phone(name: str, tmp_path: Path, tmp_path_fact
     page, profile = PAGES[name](tmp_path), tmp_path_factory.mktemp("profile")
     assert faults(page, profile, (DESK, PHONE)) == []
     assert faults(page, profile, (PHONE,), dark=True) == []
-
-
-@pytest.mark.parametrize(
-    ("body", "said"),
-    [
-        ("<figure><img src='http://a.b/c.png'></figure>", "asks for http://a.b/c.png"),
-        ("<script>nothing()</script>", "nothing is not defined"),
-        ("<div style='width:500px'>wide</div>", "wider than the screen"),
-        ("<p style='font-size:9px'>small</p>", "text below 12 px"),
-        ("<figure><svg></svg></figure>", "one is empty"),
-    ],
-)
-def test_a_fault_is_seen(body: str, said: str, tmp_path: Path) -> None:
-    (tmp_path / "page.html").write_text(f"<!doctype html><html><head></head><body>{body}</body></html>")
-    assert said in " ".join(faults(tmp_path / "page.html", tmp_path, (PHONE,)))

@@ -1,33 +1,18 @@
-"""The page of a report and that of the demo."""
+"""The page of a report."""
 
 from __future__ import annotations
 
-import io
 import re
-from dataclasses import replace
 from html.parser import HTMLParser
-from pathlib import Path
 
-import mujoco.viewer
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from PIL import Image
 
-from mrdamp import cli, models_xml, pictures, sets
-from mrdamp.control import passive_on
-from mrdamp.demo import UNCONTROLLED, accelerated
-from mrdamp.envs.frame_xml import Clip, animate
-from mrdamp.errors import InputError
-from mrdamp.model import Model, effects_from
-from mrdamp.motions import embedded_motion
+from mrdamp import pictures
 from mrdamp.pictures import LoopData
-from mrdamp.pictures.style import DARK
-from mrdamp.report import Cell, Page
+from mrdamp.report import Page
 from mrdamp.report import page as report
-from mrdamp.simulation.criteria import Criteria, evaluate
-from mrdamp.simulation.stepping import FrameRun, run_frame
-from mrdamp.structures import dyke1996
 from refusals import refuses
 
 VOID = {"meta", "img", "wbr", "br", "link"}
@@ -95,25 +80,6 @@ def with_dots(monkeypatch: pytest.MonkeyPatch) -> Page:
     return page
 
 
-def test_parts_stand_in_the_order_they_were_added() -> None:
-    html = full_page().html()
-    text = " ".join(Parsed(html).text.split())
-    order = "One sentence|One paragraph|Another|1234|Note.|The caption.|A second one.|the last line".split(
-        "|"
-    )
-    places = [text.index(part) for part in order]
-    assert places == sorted(places)
-    assert re.findall(r"<h([12])>([^<]*)<", html) == [
-        ("1", "A damper"),
-        *(("2", h) for h in ("What", "Numbers", "Loops")),
-    ]
-    assert html.count("<section") == 3
-    assert len(html) < 250_000
-    assert "<title>A damper</title>" in html
-    assert "<code>mrdamp demo</code>" in html
-    assert full_page().html() == html
-
-
 def test_the_page_fetches_nothing(with_dots: Page) -> None:
     parsed = Parsed(with_dots.html())
     names = {tag for tag, _ in parsed.tags}
@@ -154,21 +120,6 @@ def test_every_picture_says_what_it_shows(with_dots: Page) -> None:
     refuses(lambda: with_dots.figure("x", picture(), "The caption", "  "), "'The caption' has no alt text")
 
 
-def test_phones_and_dark_pages_are_provided_for() -> None:
-    html = full_page().html()
-    parsed = Parsed(html)
-    assert {"name": "viewport", "content": "width=device-width, initial-scale=1"} in parsed.all("meta")
-    assert "prefers-color-scheme: dark" in parsed.style
-    assert [a["class"] for a in parsed.all("div") if "class" in a] == ["scroll"]
-    assert re.search(r"\.scroll \{[^}]*overflow-x: auto", parsed.style)
-    body = html[html.index("<body>") :]
-    for k, (light, dark) in enumerate(DARK.items()):
-        assert light not in body
-        assert parsed.style.index(f"--c{k}:{light};") < parsed.style.index(f"--c{k}:{dark};")
-        assert parsed.style.index("prefers-color-scheme") < parsed.style.index(f"--c{k}:{dark};")
-    assert "var(--c0)" in body
-
-
 def test_names_are_text_and_never_markup() -> None:
     page = Page(EVIL, EVIL, EVIL)
     page.text(EVIL, [EVIL])
@@ -180,95 +131,3 @@ def test_names_are_text_and_never_markup() -> None:
     assert "<script" not in html
     assert parsed.text.count(EVIL) >= 10
     assert [a["aria-label"] for a in parsed.all("div") if a.get("role") == "img"] == [EVIL]
-
-
-def test_numbers_are_short_and_flush_right_and_a_unit_stays_with_its_word() -> None:
-    page = Page("t", "s")
-    rows: list[list[Cell]] = [
-        ["a_1", "held out", 0.12345, 12345.6, None, "3 %", 7],
-        ["b", "fitted", 2.0, 0.1, "1.5 mm", "–", 12],
-    ]
-    page.table("T", ["name", "half", "x", "y", "z", "p", "n"], rows)
-    html = page.html()
-    cells = re.findall(r"<td( class=\"n\")?[^>]*>([^<]*)</td>", html)
-    assert [text for _, text in cells] == [
-        "held out", "0.123", "12346", "–", "3 %", "7", "fitted", "2.00", "0.100", "1.5 mm", "–", "12",
-    ]  # fmt: skip
-    assert [bool(right) for right, _ in cells] == [False, True, True, True, True, True] * 2
-    assert '<th scope="row">a_<wbr>1</th>' in html
-    assert html.count('<th scope="col"') == 7
-    refuses(lambda: page.table("T", ["a", "b"], [["x"]]), "table 'T' has 2 columns and a row of 1")
-    page = Page("t", "s")
-    page.table("T", ["peak drift, mm", "RMS error (N)", "of all (see below)", "one, or the other"], [])
-    heads = re.findall(r"<th scope=\"col\"[^>]*>([^<]*)<", page.html())
-    assert heads == ["peak drift,\u00a0mm", "RMS error\u00a0(N)", "of all (see below)", "one, or the other"]
-
-
-@pytest.fixture(scope="module")
-def model() -> Model:
-    found = sets.load("dyke1996_3kN")
-    return Model(
-        found.law, dict(found.parameters), effects_from(found.attributes()), rig="frame", structure=dyke1996()
-    )
-
-
-@pytest.fixture(scope="module")
-def runs(model: Model) -> dict[str, FrameRun]:
-    motion = embedded_motion().compressed(5.0)
-    return {name: run_frame(model, motion, c) for name, c in ((UNCONTROLLED, None), ("on", passive_on(2.25)))}
-
-
-def criteria(run: FrameRun) -> Criteria:
-    return evaluate(dyke1996(), run.time, run.drift, run.acceleration, run.force, None, run.command, None)
-
-
-def test_animation_moves_and_differs_from_its_still(model: Model, runs: dict[str, FrameRun]) -> None:
-    clip = Clip(size=(60, 90), count=6, slower=5.0, rate=20.0)
-    try:
-        drawn = animate(model, list(runs.values()), list(runs), 2.25, clip)
-    except InputError:
-        pytest.skip("no renderer")
-    with Image.open(io.BytesIO(drawn.moving)) as moving:
-        assert getattr(moving, "n_frames", 1) == 6
-        first = np.asarray(moving.convert("RGB"), dtype=float)
-        moving.seek(3)
-        later = np.asarray(moving.convert("RGB"), dtype=float)
-    assert first.shape == (drawn.height, drawn.width, 3) == (116, 120, 3)
-    left, right = (np.abs(first - later)[:90, part].mean() for part in (slice(0, 60), slice(60, 120)))
-    assert left > 0.1  # the frame without a damper sways
-    assert right > 0.0
-    assert len(drawn.still) < len(drawn.moving)
-
-
-def test_a_controller_that_accelerates_the_frame_gets_a_sentence(runs: dict[str, FrameRun]) -> None:
-    found = {name: criteria(run) for name, run in runs.items()}
-    free = float(found[UNCONTROLLED].peak_acceleration.max())
-    assert accelerated({**found, "on": replace(found["on"], peak_acceleration=np.full(3, 0.5 * free))}) == []
-    loud = replace(found["on"], peak_acceleration=np.array([1.5, 1.0, 1.0]) * free, switching_rate=80.0)
-    (said,) = accelerated({**found, "on": loud})
-    assert f"{1.5 * free:#.3g} m/s2 at floor 1, above the {free:#.3g} m/s2" in said
-    assert "80 times a second" in said
-    stiff = replace(
-        found["on"], peak_acceleration=np.array([0.5, 1.0, 1.5]) * free, switching_rate=0.0,
-        peak_drift=found[UNCONTROLLED].peak_drift * [0.2, 2.0, 1.0],
-    )  # fmt: skip
-    (said,) = accelerated({**found, "on": stiff})
-    assert "storey 1 nearly rigid" in said
-
-
-@pytest.mark.parametrize("name", ["frame3", "cable", "rig", "dyke1996_3kN"])
-def test_the_viewer_is_given_a_file_with_a_camera_aimed_at_it(
-    monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    seen: list[mujoco.MjModel] = []
-    monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(
-        mujoco.viewer, "launch_from_path", lambda path: seen.append(mujoco.MjModel.from_xml_path(path))
-    )
-    assert cli.main(["view", name]) == 0
-    (model,) = seen
-    camera = mujoco.MjvCamera()
-    mujoco.mjv_defaultFreeCamera(model, camera)
-    assert camera.elevation > -30  # from the side; MuJoCo's own is 45 degrees from above
-    if name in models_xml.names():
-        assert Path(models_xml.path(name, "scene.xml")).is_file()
