@@ -36,7 +36,7 @@ from mrdamp.envs import (
 )
 from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv, StructureVectorEnv
 from mrdamp.model import Effect, Model
-from mrdamp.motions import GroundMotion, kanai_tajimi
+from mrdamp.motions import GroundMotion
 from mrdamp.simulation.roads import Road
 from mrdamp.structures import dyke1996
 from refusals import refuses
@@ -122,20 +122,9 @@ def test_commands_that_are_no_numbers_are_refused(plant: Make, engine: str) -> N
     assert made.time == 0.0
 
 
-def test_trainers_rows_refuse_them() -> None:
-    sb3 = pytest.importorskip("mrdamp.envs.sb3", reason="needs the extra train")
-    env = sb3.PlantVecEnv(CarTask(2, **CAR))
-    with pytest.raises(ResetNeeded, match="no episode has begun"):
-        env.step(np.zeros((2, 1)))
-    env.reset()
-    refuses(lambda: env.step(np.array([[0.0], [np.nan]])), "action holds NaN")
-    refuses(lambda: env.step(np.zeros(2)), r"action has shape \(2,\); allowed: \(2, 1\)")
-
-
 @engines
 @every
 def test_copies_go_on_to_the_last_bit(single: Make, rows: Make, given: Mapping[str, Any], engine: str) -> None:
-    """By deepcopy and pickle, on to the next load."""
     for env, shape in ((single(engine=engine, **given), (1,)), (rows(2, engine=engine, **given), (2, 1))):
         actions = np.random.default_rng(0).uniform(-1, 1, (80, *shape))
         env.reset(seed=4)
@@ -151,7 +140,6 @@ def test_copies_go_on_to_the_last_bit(single: Make, rows: Make, given: Mapping[s
 @engines
 @every
 def test_seeds_and_states_are_exact(single: Make, rows: Make, given: Mapping[str, Any], engine: str) -> None:
-    """In this environment and in another one, on to the next load."""
     env, other = (single(engine=engine, **given) for _ in range(2))
     actions = np.random.default_rng(0).uniform(-1, 1, (80, 1)).astype(np.float32)
     begin, again = (each.reset(seed=4) for each in (env, other))
@@ -190,43 +178,26 @@ def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
         (FrameEnv, {"motions": ["a.csv"]}, {}, "motions is .*allowed: a source"),
         (FrameEnv, {"structure": 3}, {}, "structure is 3"),
         (FrameEnv, {"duration": math.nan}, {}, "duration is nan"),
-        (FrameEnv, {"duration": -1.0}, {}, "duration is -1"),
-        (CableEnv, {"loads": 3}, {}, "loads is 3"),
-        (CableEnv, {"cable": 3}, {}, "cable is 3"),
-        (CableEnv, {"measured_at": 3}, {}, "measured_at is 3"),
-        (CarEnv, {"roads": 3}, {}, "roads is 3"),
-        (CarEnv, {"car": 3}, {}, "car is 3"),
         (CarEnv, {"model": 3}, {}, "model is 3"),
         (CarEnv, {"threads": 0}, {}, "threads is 0"),
-        (CarEnv, {"threads": 1.5}, {}, "threads is 1.5"),
         (CarEnv, {"period": "fast"}, {}, "period is 'fast'"),
         (CarEnv, {"command_max": [1.0, 2.0]}, {}, "command_max is"),
-        (CarEnv, {"command_max": "a"}, {}, "command_max is a"),
         (CarEnv, {"noise": 3}, {}, "noise is 3"),
         (CarEnv, {"signals": "force"}, {}, "signals is 'force'"),
-        (CarEnv, {"signals": [1]}, {}, "signal is 1; allowed: names"),
         (CarEnv, {"timestep": 1e-9}, {}, "timestep is 1e-09; allowed: 1e-06 s or more"),
         (CableEnv, {"model": frame_model()}, {}, "is of a frame; allowed here: a damper's"),
         (CarEnv, {"memory": 3}, {}, "memory is 3"),
-        (CarEnv, {"peaks": 3}, {}, "peaks is 3"),
         (CarEnv, {"reward": 3}, {}, "reward is 3"),
         (CarEnv, {"full_state": "no"}, {}, "full_state is 'no'"),
         (CarEnv, {"camera": "top"}, {}, "camera is 'top'"),
         (CarEnv, {"size": (0, 1)}, {}, "size is"),
-        (CarEnv, {"exaggeration": math.nan}, {}, "exaggeration is nan"),
         (FrameEnv, {"damper_between": (0, 7)}, {}, "allowed: two different floor numbers"),
-        (FrameEnv, {"damper_between": 3}, {}, "damper_between is 3"),
-        (FrameEnv, {"command_max": -1.0}, {}, "command_max"),
-        (FrameEnv, {"period": 0.0}, {}, "period is 0.0"),
         (FrameEnv, {"period": 1e-9}, {}, "period is 1e-09; allowed: 1e-05 to 10 s"),
         (FrameEnv, {}, 5, "reset: options is 5; allowed: options by name"),
         (FrameEnv, {"signals": ("acceleration_9",)}, {}, "acceleration_9"),
-        (FrameEnv, {"signals": ("pressure",)}, {}, "pressure"),
         (FrameEnv, {"history": 0}, {}, "history"),
         (FrameEnv, {"noise": {"pressure": 1.0}}, {}, "noise on 'pressure'"),
-        (FrameEnv, {"noise": {"force": -1.0}}, {}, "noise on 'force'"),
         (FrameEnv, {"reward": {"drifts": 1.0}}, {}, "'drifts' is unknown"),
-        (FrameEnv, {"reward": {"drift": -1.0}}, {}, "weight drift"),
         (FrameEnv, {"reward": {"reference": "best"}}, {}, "reference"),
         (FrameEnv, {"reward": {"reference": "passive-on"}, "damper_between": [(0, 1), (1, 2)]}, {}, "one damper"),
         (FrameEnv, {"render_mode": "ascii"}, {}, "allowed: human, rgb_array"),
@@ -234,9 +205,7 @@ def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
         (FrameEnv, {"observer": Observer(("pressure",), (1.0,))}, {}, "pressure"),
         (FrameEnv, {"randomise": {"stifness": (0.9, 1.1)}}, {}, "'stifness' is unknown.*nearest: stiffness"),
         (FrameEnv, {"randomise": {"mass": (1.1, 0.9)}}, {}, r"mass is \(1.1, 0.9\)"),
-        (FrameEnv, {"randomise": {"mass": (0.0, 1.0)}}, {}, "mass is .*factors > 0"),
         (FrameEnv, {"randomise": {"mass": 0.1}}, {}, "mass is 0.1"),
-        (FrameEnv, {"randomise": {"driver_lag_tau": (-1.0, 0.0)}}, {}, "driver_lag_tau"),
         (FrameEnv, {"randomise": {"sensor_gain_g_4": (0.9, 1.0)}}, {}, "place 4"),
         (FrameEnv, {"randomise": 3}, {}, "randomise is 3"),
         (FrameEnv, {}, {"drawn": {"mass": 1.0}}, "drawn is .*with randomise"),
@@ -247,26 +216,18 @@ def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
         (FrameEnv, {}, {"motion": GroundMotion("nothing", 0.01, np.zeros(50))}, "zero throughout"),
         (FrameEnv, {}, {"motion": Path("nowhere.csv")}, "nowhere.csv"),
         *((make, {}, {"amplitude": bad}, "amplitude is") for make in KINDS_OF_ONE for bad in NUMBERLESS),
-        (CableEnv, {"randomise": {"modes": (1, 2)}}, {}, "'modes' is unknown"),
         (CableEnv, {"randomise": {"damper_at": (1.0, 60.0)}}, {}, "cable"),
         (CableEnv, {"render_mode": "human"}, {}, "human needs a display"),
         (CableEnv, {"measured_at": (0.0,)}, {}, "measured at 0.0"),
         (CableEnv, {"bandwidth": 100.0}, {}, r"bandwidth is 100\.0 Hz; allowed: below 100"),
-        (CableEnv, {"signals": ("drift_1",)}, {}, "drift_1"),
-        (CableEnv, {"reward": {"drift": 1.0}}, {}, "'drift' is unknown"),
-        (CableEnv, {"reward": {"motion": -1.0}}, {}, "weight motion"),
-        (CableEnv, {}, {"motion": 1}, "option 'motion'"),
         (CableEnv, {}, {"load": 3}, "load is 3"),
         (CableEnv, {}, {"load": CableLoad("none", 0.1, np.array([0.5]), np.zeros((9, 1)))}, "zero throughout"),
-        (CarEnv, {"signals": ["velocity_9"]}, {}, "no measurement 'velocity_9'"),
-        (CarEnv, {}, {"motion": 1}, "option 'motion' is unknown; allowed: road, speed, amplitude"),
         (CarEnv, {}, {"road": Road("flat", 0.1, np.zeros(50), 5.0)}, "flat throughout"),
     ],
 )
 def test_arguments_are_checked_when_the_environment_is_made(
     make: Make, arguments: dict[str, Any], options: Any, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Options when it is reset."""
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     if options:
@@ -345,16 +306,3 @@ def test_a_step_without_an_episode_asks_for_a_reset(single: Make, rows: Make, gi
         env.step(np.zeros(1))
     batch.reset(seed=2)
     batch.step(np.zeros((2, 1)))
-
-
-def test_a_state_fits_where_the_loads_are_those_of_an_equal_source() -> None:
-    """Of a class without a text of its own, whose default one holds the address."""
-
-    class Source:
-        def draw(self, rng: np.random.Generator) -> GroundMotion:
-            return kanai_tajimi(int(rng.integers(9)), duration=1.0)
-
-    one, other = (FrameEnv(engine="chain", motions=Source()) for _ in range(2))
-    one.reset(seed=1)
-    other.set_state(one.get_state())
-    same(one.step(np.zeros(1, np.float32)), other.step(np.zeros(1, np.float32)))
