@@ -76,7 +76,6 @@ def frame(law: str, more: Mapping[str, float] = LAG, placed: tuple[Effect, ...] 
 
 
 def run(task: Task, load: Any, option: str, actions: Array) -> tuple[Array, Array, Array]:
-    """Observations, rewards and infos of a single row."""
     task.reset([0], [np.random.default_rng(0)], {option: load})
     steps = [task.step(action[None]) for action in actions]
     columns = (np.array([getattr(s, name)[0] for s in steps]) for name in ("observation", "reward", "info"))
@@ -85,7 +84,6 @@ def run(task: Task, load: Any, option: str, actions: Array) -> tuple[Array, Arra
 
 
 def actions(n: int, dampers: int = 1) -> Array:
-    """Held for five periods each."""
     return np.repeat(np.random.default_rng(4).uniform(-1, 1, (n // 5 + 1, dampers)), 5, axis=0)[:n]
 
 
@@ -230,19 +228,6 @@ def test_noise_hangs_on_the_seed(given: dict[str, Any]) -> None:
     np.testing.assert_array_equal(one, again)
     assert [one.std(), other.std()] == pytest.approx([2.0, 2.0], rel=0.25)
     assert abs(np.corrcoef(one, other)[0, 1]) < 0.5
-
-
-def test_what_is_drawn_is_the_motion() -> None:
-    for make, load in ((FrameTask, {"motion": MOTION}), (CableTask, {})):
-        engine, chain = (make(1, engine=name) for name in ("mujoco", "chain"))
-        for task in (engine, chain):
-            task.reset([0], [np.random.default_rng(3)], load)
-            for _ in range(20):
-                task.step(np.zeros((1, 1)))
-        found, wanted = (task.rows.position(0) for task in (chain, engine))
-        assert found.shape == wanted.shape
-        moved = slice(1, None) if make is FrameTask else slice(None)  # not the ground, which the chain holds
-        assert off(found[moved], wanted[moved]) < 0.03
 
 
 @pytest.mark.parametrize("controller", ["passive-on", "constant:value=0.7", "clipped-optimal"])

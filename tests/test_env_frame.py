@@ -1,9 +1,9 @@
-"""The frame's environment, checkers and workers, parameters drawn for every episode, and what is drawn as a picture."""
+"""The frame's environment, checkers, and parameters drawn for every episode."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,6 @@ from mrdamp.envs import (
 )
 from mrdamp.envs.frame import reference_run
 from mrdamp.envs.loads import AmbientLoads
-from mrdamp.envs.view import Image
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion, kanai_tajimi
 from mrdamp.structures import ShearFrame, dyke1996
@@ -44,7 +43,6 @@ STRONG = kanai_tajimi(3, duration=12.0, pga=5.0).compressed(5.0)
 
 
 def test_gymnasiums_checker_has_nothing_to_say() -> None:
-    """Also without a display, with MUJOCO_GL=egl."""
     for id in mrdamp.envs.ENVIRONMENTS:
         check_env(gymnasium.make(f"mrdamp:{id}", **needed(id)).unwrapped, skip_render_check=not can_draw())
     check_env(FrameEnv(motions=SHORT, history=3, damper_between=[(0, 1), (1, 2)]), skip_render_check=True)
@@ -92,26 +90,6 @@ def test_one_rule_for_the_time_scale_of_a_record(tmp_path: Path) -> None:
     own = GroundMotion("own", 0.01, np.sin(np.arange(101.0)))
     assert env.reset(options={"motion": own})[1]["duration"] == pytest.approx(1.0)
     refuses(lambda: env.reset(options={"motion": 3}), "motion is 3")
-
-
-@pytest.mark.slow
-def test_spawned_workers_find_an_environment_by_its_package_and_name() -> None:
-    """The worker has imported nothing: the part before the colon is what it imports."""
-    library = pytest.importorskip("stable_baselines3.common.env_util", reason="needs the extra train")
-    from stable_baselines3.common.vec_env import SubprocVecEnv
-
-    options = {"n_envs": 2, "seed": 3, "vec_env_cls": SubprocVecEnv, "vec_env_kwargs": {"start_method": "spawn"}}
-    workers = library.make_vec_env("mrdamp:mrdamp/Frame-v0", **options)
-    try:
-        here, seen = FrameEnv(), workers.reset()
-        np.testing.assert_array_equal(seen[0], here.reset(seed=3)[0])
-        for action in np.random.default_rng(0).uniform(-1, 1, (40, 2, 1)).astype(np.float32):
-            seen, reward, _, _ = workers.step(action)
-            observation, expected, *_ = here.step(action[0])
-            np.testing.assert_array_equal(seen[0], observation)
-            assert reward[0] == pytest.approx(expected, rel=1e-6)
-    finally:
-        workers.close()
 
 
 @pytest.mark.parametrize(("make", "given"), [(FrameTask, {}), (CableTask, {"timestep": 2.5e-4}), (CarTask, {})])
@@ -217,49 +195,3 @@ def can_draw() -> bool:
     except Exception:  # each platform's library has an error of its own
         return False
     return True
-
-
-needs_graphics = pytest.mark.skipif(not can_draw(), reason="no OpenGL here; try MUJOCO_GL=egl")
-
-
-def moved(make: Callable[..., Any], value: float, steps: int = 60, **arguments: Any) -> Any:
-    env = make(render_mode="rgb_array", size=(320, 240), **arguments)
-    env.reset(seed=1)
-    for _ in range(steps):
-        env.step(np.full(env.action_space.shape, value, np.float32))
-    return env
-
-
-def orange(image: Image) -> int:
-    r, g, b = (image[..., k].astype(int) for k in range(3))
-    return int(np.sum((r > 150) & (g < 0.75 * r) & (b < 0.4 * r)))
-
-
-@needs_graphics
-@pytest.mark.parametrize("make", [FrameEnv, CableEnv, CarEnv])
-def test_the_current_is_the_dampers_colour(make: Callable[..., Any]) -> None:
-    """And another camera sees another picture."""
-    off, on, front = (moved(make, u, camera=c) for u, c in ((-1.0, "damper"), (1.0, "damper"), (1.0, "front")))
-    assert orange(on.render()) > 10 * (orange(off.render()) + 5)
-    assert np.any(on.render() != front.render())
-    for env in (off, on, front):
-        env.close()
-
-
-@needs_graphics
-@pytest.mark.parametrize("make", [FrameEnv, CableEnv, CarEnv])
-def test_motion_is_drawn_larger_than_it_is(make: Callable[..., Any]) -> None:
-    """Against the picture of the structure at rest; twice the size moves more of it."""
-    env = moved(make, -1.0, 120)
-    assert env.render().shape == (240, 320, 3)
-    state = env.get_state()
-    changed = []
-    env.reset(seed=1)
-    rest = env.render().astype(int)
-    env.set_state(state)
-    for larger in (1e-3, None):
-        env.exaggeration = larger
-        changed.append(int((np.abs(env.render().astype(int) - rest).max(axis=2) > 40).sum()))
-    assert changed[0] < 0.2 * changed[1]
-    assert changed[1] > 100
-    env.close()
