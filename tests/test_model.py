@@ -85,7 +85,6 @@ def placed(name: str, place: int | None = None, **parameters: float) -> dict[str
     return {"name": name, "parameters": parameters} | ({} if place is None else {"place": place})
 
 
-LAG = {"name": "driver_lag"}
 BEYOND = "it must be a finite number above 0"
 
 
@@ -94,42 +93,26 @@ BEYOND = "it must be a finite number above 0"
     [
         ("", "empty"),
         ("{", "no JSON"),
-        ("[]", "'nominal'"),
         (case(format=2), "format is 2; allowed: 1"),
-        (case(rig="bridge"), "damper, frame"),
         (case(rig="frame"), "structure has no mass_kg"),
         (case(nominal={"law": "maxwell", "parameters": {}}), "modified_bouc_wen"),
         (case(nominal={"law": "bingham", "parameters": {"c0a": 1.0}}), "c0b"),
-        (bingham({"k1": 1.0}), "'k1'"),
-        (bingham({"v_ref": -1.0}), "outside"),
-        (bingham({"c0a": "x"}), "finite number"),
         (case(nominal={"law": "narx", "parameters": {}}), "weights"),
         (bingham(effect=[]), "'effect' is unknown; .*; nearest: effects"),
-        (bingham(parametres={}), "'parametres' is unknown; .*; nearest: parameters"),
         (bingham({"fyaa": 1.0}), "'fyaa' is none of law bingham; .*; nearest: fya"),
-        (bingham(effects=[{"name": "driver_lagg"}]), "'driver_lagg' is unknown; .*; nearest: driver_lag"),
-        (bingham(effects=[placed("driver_lag", taw=1)]), "'taw' .*; nearest: tau"),
-        (bingham(effects=[LAG | {"parameter": {}}]), "nearest: parameters"),
         (bingham(effects={}), "effects is .*; allowed: a list"),
-        (bingham(effects=None), "effects is .*; allowed: a list"),
         (bingham(effects=[5]), "an effect is 5; allowed: an object"),
         (bingham(effects=[placed("driver_lag", tau=0.01)] * 2), "driver_lag stands there twice"),
         (bingham(structure={"mass_kg": [1.0]}), "allowed: rig 'frame'"),
         (bingham({"c0a": -1000}), "c0a is -1000: c0 is -1000 at command 0; allowed: at least 0"),
-        (bingham({"c0a": True}), "c0a is True; allowed: a finite number"),
-        (bingham({"c0a": 1e308}), r"c0a is 1e\+308; allowed: a finite number"),
         (bingham({"c0a": 10**400}), "whole number of 401 digits"),
         (bingham({"c0a": math.nan}), "it holds NaN"),
         (json.dumps(bingham()).replace('"c0a"', '"c0a": 1, "c0a"'), "'c0a' stands twice"),
         (case(model={}), "both are in it"),
-        (case(sample_rate_hz="x"), "sample_rate_hz is 'x'; allowed: a positive number"),
         (case(sample_rate_hz=-1), "sample_rate_hz is -1; allowed: a positive number"),
         (framed(mass_kg=[98.0, 98.0, True]), "mass_kg is .*; allowed: a list of finite numbers"),
-        (framed(mass_kg=["1", "1", "1"]), "mass_kg is .*; allowed: a list of finite numbers"),
-        (framed(mass_kgs=[1.0]), "'mass_kgs' is unknown; .*; nearest: mass_kg"),
         (framed(**dict.fromkeys(STRUCTURE, [1.0] * 3000)), "3000 storeys; allowed are 1 to 200"),
         (framed([placed("storey_stiffness", 1, e=-2)]), f"stiffness_n_m of storey 1 is -516000; {BEYOND}"),
-        (framed([placed("floor_mass", 2, dm=-1e6)]), f"mass_kg of storey 2 is .*; {BEYOND}"),
         (json.dumps(bingham(effects=[])).replace("[]", "[" * 100_000 + "]" * 100_000), "nested too deeply"),
     ],
 )
@@ -147,11 +130,9 @@ def test_a_bad_file_is_told_in_a_line_with_its_name(
     ("effect", "said"),
     [
         (Effect("ghost", {}), "driver_lag"),
-        (Effect("driver_lag", {"lag": 1.0}), "tau"),
         (Effect("driver_lag", {"tau": float("nan")}), "finite"),
         (Effect("driver_lag", {"tau": -1.0}), "driver_lag_tau"),
         (Effect("storey_stiffness", {"e": 0.1}), "place None"),
-        (Effect("storey_stiffness", {"e": 0.1}, 4), "1 to 3"),
         (Effect("driver_lag", {"tau": 0.1}, 1), "no place"),
     ],
 )
