@@ -70,13 +70,10 @@ def test_frame_channels_decide_what_is_required(tmp_path: Path) -> None:
     ("row", "cell", "expected"),
     [
         (7, "0.014,nan,0.5,1", "line 9: displacement_m is NaN"),
-        (7, "0.014,0.1,-inf,1", "line 9: command is infinite"),
-        (7, "0.014,0.1,0.5,1e999", "line 9: force_N is infinite"),
         (7, "0.014,0.1,0.5,1e308", "line 9: force_N is 1e+308: every cell must be a finite number up to 1e+30"),
         (7, "0.014,0.1,abc,1", "line 9: command is not a number: 'abc'"),
         (7, "0.014,0.1,,1", "line 9: command is empty"),
         (7, "0.014,0.1,0.5", "line 9 has 3 cells, 4 columns are needed"),
-        (7, "0.014,0.1,0.5,1,", "line 9 has 5 cells, 4 columns are needed"),
         (7, "", "line 9 is empty"),
         (7, "0.014,0.1,1_0,1", "line 9: command is not a number"),
     ],
@@ -87,22 +84,11 @@ def test_bad_cells_are_found_with_their_line(tmp_path: Path, row: int, cell: str
     assert expected in message(write(tmp_path, lines))
 
 
-def test_columns_left_out_do_not_shift_the_names(tmp_path: Path) -> None:
-    lines = ["note," + line for line in table()]
-    lines[8] = "nan,0.014,0.1,0.5,nan"
-    assert "line 9: force_N is NaN" in message(write(tmp_path, lines))
-    lines[8] = "nan,0.014,0.1,x,1"
-    assert "line 9: command is not a number: 'x'" in message(write(tmp_path, lines))
-
-
 def test_files_that_are_no_record(tmp_path: Path) -> None:
     good = gzip.compress("\n".join(table(500)).encode())
     cases: list[tuple[str, bytes, str]] = [
         ("empty.csv", b"", "the file is empty"),
-        ("blank.csv", b" \n\n", "the file is empty"),
-        ("empty.csv.gz", b"", "the file is empty"),
         ("cut.csv.gz", good[: len(good) // 2], "truncated"),
-        ("cut8.csv.gz", good[:-4], "truncated"),
         ("plain.csv.gz", b"time_s,command\n", "not gzip"),
         ("packed.csv", good, "must end in .gz"),
         ("bad.csv.gz", good[:30] + b"\xff\x00\xff\x00" + good[34:], "damaged"),
@@ -111,7 +97,6 @@ def test_files_that_are_no_record(tmp_path: Path) -> None:
         ("semicolon.csv", b"time_s;displacement_m;command\n0;1;2\n", "separated by commas"),
         ("twice.csv", b"time_s,command,command,displacement_m\n", "two columns are named"),
         ("unnamed.csv", b"time_s,,command,displacement_m\n", "column 2 has no name"),
-        ("head.csv", b"time_s,displacement_m,command\n", "0 samples: at least 3"),
         ("two.csv", b"time_s,displacement_m,command\n0,1,2\n1,1,2\n", "2 samples: at least 3"),
         ("a.txt", b"time_s\n", "a record is a .csv or .csv.gz"),
     ]

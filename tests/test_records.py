@@ -41,13 +41,6 @@ def test_reads_channels_in_file_order(tmp_path: Path) -> None:
     assert not record.displacement.flags.writeable
 
 
-def test_force_is_none_where_absent(tmp_path: Path) -> None:
-    record = read_record(write(tmp_path, table(header="time_s,displacement_m,command")))
-    assert record.force is None
-    said = "no channel force_N; the record has time_s, displacement_m, command"
-    refuses(lambda: record.channel("force_N"), said)
-
-
 def test_velocity_and_acceleration_of_a_sine() -> None:
     record = sine()
     w, t = 4 * np.pi, record.time
@@ -68,7 +61,6 @@ def test_the_velocity_is_the_displacements_whether_one_was_measured_or_not() -> 
 
 @pytest.mark.parametrize(("factor", "ratio"), [(1e3, "1.1e[+]03"), (-1.0, "-1.1"), (0.0, "0"), (1 / 3, "0.367")])
 def test_a_measured_velocity_of_another_unit_is_refused(factor: float, ratio: str, tmp_path: Path) -> None:
-    """Noise of the displacement that drowns its derivative does not matter."""
     record = sine(extra=True)
     noise = 1e-5 * np.random.default_rng(0).standard_normal(record.n)
     noisy = record.with_channels({"displacement_m": record.displacement + noise})
@@ -172,11 +164,6 @@ def test_resample_does_not_fold_noise_back() -> None:
     assert np.var(noise.force) == pytest.approx(0.08, rel=0.2)  # 40 Hz of 500
 
 
-@pytest.mark.parametrize("dt", [0.0, -1.0, float("nan"), 1.5, 1e-12])
-def test_resample_refuses(dt: float) -> None:
-    refuses(lambda: sine().resample(dt), "sample time")
-
-
 @pytest.mark.parametrize("name", ["out.csv", "out.csv.gz"])
 def test_save_and_read_back(tmp_path: Path, name: str) -> None:
     record = sine(extra=True)
@@ -262,18 +249,6 @@ def test_one_record_is_cut_in_time(tmp_path: Path) -> None:
     assert [(r.n, r.lead) for r in found.whole] == [(301, 0)]
 
 
-def test_train_and_validation_folders(tmp_path: Path) -> None:
-    for half, n in (("train", 50), ("validation", 60)):
-        (tmp_path / half).mkdir()
-        write(tmp_path / half, table(n), f"of_{half}.csv")
-    found = read_records(tmp_path)
-    assert (names(found.train), names(found.validation)) == (["of_train"], ["of_validation"])
-    (tmp_path / "validation" / "of_validation.csv").unlink()
-    refuses(lambda: read_records(tmp_path), r"validation: no \.csv")
-    (tmp_path / "validation").rmdir()
-    refuses(lambda: read_records(tmp_path), "a set has both")
-
-
 def test_sets_that_are_none(tmp_path: Path) -> None:
     refuses(lambda: read_records(tmp_path / "nowhere"), "no such folder or file")
     refuses(lambda: read_records(tmp_path), r"no \.csv or \.csv\.gz")
@@ -281,6 +256,10 @@ def test_sets_that_are_none(tmp_path: Path) -> None:
     write(tmp_path, table(), "a.csv")
     (tmp_path / "a.csv.gz").write_bytes(gzip.compress("\n".join(table()).encode()))
     refuses(lambda: read_records(tmp_path), "two records are named a")
+    (tmp_path / "train").mkdir()
+    refuses(lambda: read_records(tmp_path), "a set has both")
+    (tmp_path / "validation").mkdir()
+    refuses(lambda: read_records(tmp_path), r": no \.csv")
 
 
 def test_a_record_that_is_there_twice_is_refused(tmp_path: Path) -> None:
