@@ -9,7 +9,7 @@ import math
 import re
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -22,16 +22,12 @@ from modules import SHARED, needs
 from mrdamp import datasets
 from mrdamp.cli import main
 from mrdamp.datasets import CATALOGUE, Dataset, Source, fetch, utfsm
-from mrdamp.errors import InputError
 from mrdamp.identify import identify
 from mrdamp.model.core import Array
 from mrdamp.records import Record, embedded, read_records
-from mrdamp.records.channels import is_channel
 from mrdamp.records.checks import check_clipping, clipped, warnings_of
 from mrdamp.records.motion import cut, path, share_of_stroke
 from mrdamp.simulation.predict import predict
-from record_tables import table
-from record_tables import write as write_table
 from refusals import refuses
 from sine_records import grid
 
@@ -87,24 +83,6 @@ def test_units_are_doubted(channel: str, factor: float, told: str) -> None:
     assert re.match(f"{told}: channels are in m, N, s, pC, and A or V", line)
 
 
-@pytest.mark.parametrize(
-    ("force", "charge", "told"),
-    [
-        (1.0, 1e-3, "t: charge_pC is 0.158 pC for each N of reference_force_N; usual are 1 to 10000"),
-        (1e-3, 1.0, "t: reference_force_N is up to 1 N; usual are 2 to 1e[+]07"),
-        (1e-3, 1e-3, "t: reference_force_N is up to 1 N"),
-        (1.0, 1.0, ""),
-    ],
-)
-def test_units_of_a_calibration_are_doubted(force: float, charge: float, told: str) -> None:
-    """1 kN and 158 pC/N, in kN or nC."""
-    swing = 1000.0 * np.sin(0.01 * np.arange(1000))
-    channels = {"reference_force_N": force * swing, "charge_pC": 158.0 * charge * swing}
-    found = warnings_of([Record("t", None, 0.01, channels)])
-    assert bool(found) == bool(told)
-    assert re.match(told, "".join(found))
-
-
 def test_milliseconds_taken_for_seconds_are_doubted() -> None:
     record = grid()[0]
     slow = Record(record.name, None, 1000 * record.sample_time, {"command": record.command})
@@ -112,8 +90,6 @@ def test_milliseconds_taken_for_seconds_are_doubted() -> None:
     told = "the clock runs at 0.5 Hz, and every 0.5 ms is computed; usual are 20 to 100000"
     assert line.startswith(f"{record.name}: {told}")
 
-
-# --- records that hardly move, or only for a while ------------------------------------------------------
 
 DT = 0.002
 
@@ -199,21 +175,6 @@ def test_a_record_that_shows_no_law_gets_a_sentence(
     assert said in last
 
 
-def test_held_out_records_that_say_nothing_get_a_sentence_and_no_table(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for half in ("train", "validation"):
-        (tmp_path / half).mkdir()
-    write(tmp_path / "train" / "a.csv", *burst(4, 0, 4))
-    still = write(tmp_path / "validation" / "b.csv", np.zeros(2000), np.zeros(2000))
-    code, out, _ = told(capsys, tmp_path / "m.json", tmp_path)
-    assert code == 0
-    assert (tmp_path / "m.json").exists()
-    assert "the held-out records do not judge it" in out
-    assert f"{still}: the law explains this force worse than a constant" in out
-    assert "held out" not in out
-
-
 def test_the_share_of_a_stroke_grows_from_each_turn() -> None:
     """Over a triangle: up by 10, back by 10; a turn back by a hundredth of the range is none."""
     up = np.linspace(0, 10, 101)
@@ -242,7 +203,6 @@ class Quiet(SimpleHTTPRequestHandler):
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[tuple[Path, Dataset]]:
-    """A folder that is served, and a set of two files in it."""
     pytest.importorskip("pooch", reason="fetching needs the extra `data`")
     root = tmp_path / "served"
     (root / "rev 1").mkdir(parents=True)
@@ -293,50 +253,6 @@ def test_a_file_that_changed_is_refused(served: tuple[Path, Dataset], tmp_path: 
     assert not (root / "source" / f"{name}.txt").exists()
 
 
-def test_what_cannot_be_fetched_or_is_not_there_is_told(
-    served: tuple[Path, Dataset], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder, known = served
-    data = tmp_path / "data"
-    assert known.source is not None
-    (folder / "rev 1" / "10mm1Hz0A.txt").unlink()
-    dead = replace(known, source=replace(known.source, base="http://127.0.0.1:9/"))
-    (tmp_path / "file").write_text("")
-    monkeypatch.delenv("MRDAMP_DATA", raising=False)
-    by_hand = r"fetch by hand from https://github\.com"
-    cases: tuple[tuple[Callable[[], object], str], ...] = (
-        (lambda: fetch(known, data), rf"10mm1Hz0A\.txt.*{by_hand}".replace("fetch by", "by")),
-        (lambda: fetch(dead, data), rf"no connection to 127\.0\.0\.1; {by_hand}"),
-        (lambda: fetch(known, tmp_path / "file"), "cannot be made: Not a directory"),
-        (lambda: datasets.read("utfpr", data), "mrdamp datasets utfpr --fetch"),
-        (datasets.data_folder, "MRDAMP_DATA"),
-    )
-    for call, said in cases:
-        with pytest.raises(InputError, match=said):
-            call()
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "named"),
-    [("10mm1Hz", TABLE, "name"), ("1mm1Hz0A", "a b\n", "numbers"), ("1mm1Hz0A", "1 2 3\n4 5 6\n7 8 9\n", "columns"),
-     ("1mm1Hz0A", TABLE.replace("2.0000000e-03", "2.9000000e-03"), "evenly")],
-)  # fmt: skip
-def test_bad_files_are_told(tmp_path: Path, name: str, text: str, named: str) -> None:
-    path = tmp_path / f"{name}.txt"
-    path.write_text(text)
-    refuses(lambda: utfsm(path), named)
-
-
-def test_the_catalogue_says_what_a_user_needs() -> None:
-    for name, known in CATALOGUE.items():
-        assert name == known.name
-        assert known.rig
-        assert known.licence
-        assert known.url.startswith("https://")
-        assert all(is_channel(channel) for channel in known.channels)
-    assert len(CATALOGUE["utfsm"].source.files) == 30  # type: ignore[union-attr]
-
-
 @needs(SHARED / "data")
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_measured_sets_are_what_the_catalogue_says(name: str) -> None:
@@ -349,23 +265,3 @@ def test_measured_sets_are_what_the_catalogue_says(name: str) -> None:
     assert max(float(r.command.max()) for r in found) <= largest * 1.02
     strokes = [float(np.ptp(r.displacement)) for r in found]
     assert 1e-3 < min(strokes) < max(strokes) < 0.06  # m, and not mm
-
-
-def test_the_command_lists_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.delenv("MRDAMP_DATA", raising=False)
-    assert main(["datasets"]) == 0
-    text = capsys.readouterr().out
-    assert "doi:10.5281/zenodo.4445334, licence MIT" in text
-    assert "here      no; to be fetched by hand" in text
-    (tmp_path / "nees" / "train").mkdir(parents=True)
-    write_table(tmp_path / "nees" / "train", table(), "random_1.csv")
-    monkeypatch.setenv("MRDAMP_DATA", str(tmp_path))
-    assert main(["datasets", "nees", "--json"]) == 0
-    (row,) = json.loads(capsys.readouterr().out)
-    assert (row["records_here"], row["can_be_fetched"], row["doi"]) == (1, False, "10.4231/D3V11VM6X")
-    assert main(["datasets", "nees", "--fetch"]) == 2
-    assert "cannot be fetched" in capsys.readouterr().err
-    assert main(["datasets", "other"]) == 2
-    assert "utfsm" in capsys.readouterr().err
