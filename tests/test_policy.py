@@ -52,7 +52,6 @@ def policy(levels: ForceLevels | None = None, squash: bool = False) -> Policy:
 
 
 def by_hand(p: Policy, rows: list[list[float]]) -> float:
-    """The action for scaled measurements, the newest row first."""
     h = p.transform @ np.concatenate(rows).astype(np.float32)
     (w1, b1), (w2, b2) = p.network.layers
     out = float((w2 @ np.tanh(w1 @ h + b1) + b2)[0])
@@ -134,7 +133,6 @@ def test_a_released_damper_has_no_command_where_it_holds_more_than_is_wanted() -
 
 
 def cautious() -> Policy:
-    """A policy that wants nothing, with a least command."""
     observer = Observer(("stroke", "force"), (0.01, 100.0), 2, False, (2.0,), peaks={"force": 10.0})
     nothing = Network(((np.zeros((1, observer.size)), np.zeros(1)),))
     return Policy(
@@ -187,20 +185,10 @@ STROKES = cautious().to_dict()["observer"] | {"peaks": {"stroke": 9.0}}
     ("call", "said"),
     [
         (lambda: cautious().matched(0.0, -1.0), "force sensor's lag is -1"),
-        (lambda: cautious().matched(-1.0), "driver's lag is -1"),
         (lambda: changed(command_lag=-1.0), "command_lag is -1"),
         (lambda: changed(least={"level": 1.0}), "least command: 'fade'"),
-        (lambda: changed(least={"level": "high", "fade": 1.0}), "least command: .*high"),
         (lambda: changed(observer=STROKES), "no peak of the force"),
-        (lambda: LeastCommand(0.0, 1.0), "least command: level is 0"),
-        (lambda: LeastCommand(1.0, -1.0), "least command: fade is -1"),
-        (lambda: LeastCommand(math.inf, 1.0), "least command: level is inf"),
-        (lambda: LeastCommand(1.0, 1.0, 1.0, 0.0), "least command: full is 1"),
-        (lambda: LeastCommand(1.0, 1.0, -0.1, 0.0), "least command: full is -0.1"),
-        (lambda: LeastCommand(1.0, 1.0, 0.0, math.nan), "rise is nan"),
         (lambda: replace(MOVING, damping=(1.0, 2.0)), r"damping is \(1.0, 2.0\)"),
-        (lambda: replace(MOVING, damping=(3.0, 2.0, 1.0)), r"damping is \(3"),
-        (lambda: replace(MOVING, damping=(-1.0, 2.0, 3.0)), r"damping is \(-1"),
         (lambda: replace(MOVING, speed=-1.0), "speed is -1"),
     ],
 )
@@ -237,19 +225,12 @@ def test_a_shipped_policy_of_the_frame_does_not_chatter_on_a_driver_without_lag(
     [
         ({"format": "other"}, "format"),
         ({"period": 0}, "period"),
-        ({"period": "soon"}, "soon"),
         ({"layers": []}, "no layer"),
-        ({"activation": "sine"}, "sine"),
         ({"transform": [[1.0, 2.0]]}, "fit"),
-        ({"transform": [[1.0], [1.0, 2.0]]}, "matrix"),
         ({"transform": [[float("nan")] * 6] * 3}, "finite"),
         ({"levels": {"commands": [0, 1], "forces": [3, 2]}}, "forces"),
-        ({"levels": {"commands": [0, 1]}}, "levels"),
-        ({"observer": None}, "observer"),
         ({"command_max": -1}, "command_max"),
         ({"layers": "left out"}, "layers"),
-        ({"about": "left out"}, "about"),
-        ({"levels": "left out"}, "levels"),
     ],
 )
 def test_a_damaged_file_is_refused_in_a_line_with_its_name(
@@ -261,17 +242,8 @@ def test_a_damaged_file_is_refused_in_a_line_with_its_name(
     assert re.search(said, refusal_of(file, lambda: Policy.read(file)))
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "3"])
-def test_what_is_no_policy_at_all_is_refused(tmp_path: Path, text: str) -> None:
-    (tmp_path / "p.json").write_text(text)
-    refusal_of(tmp_path / "p.json", lambda: Policy.read(tmp_path / "p.json"))
-
-
 CAR = "mrdamp/QuarterCar-v0"
-
-
 def moving(levels: ForceLevels | None = MOVING) -> Policy:
-    """A linear one of stroke, its velocity and force."""
     observer = Observer(("stroke", VELOCITY, "force"), (0.01, 0.5, 100.0), 1, False, (2.0,))
     network = Network(((np.array([[0.4, 0.1, 0.2]]), np.zeros(1)),), "tanh")
     return Policy("p", 5e-3, observer, np.eye(3), network, 2.0, levels)
