@@ -3,7 +3,6 @@ and a policy in a loop of one's own, can and cannot reach."""
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +15,6 @@ from gymnasium.wrappers import RescaleAction
 import mrdamp
 from env_arguments import OWN, dashpot
 from knowing import Watching
-from mrdamp import cli
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare
 from mrdamp.compare.contenders import contenders
@@ -119,39 +117,6 @@ def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
     assert shaking == pytest.approx(mean, rel=0.02)
 
 
-@pytest.mark.slow
-def test_the_ordinary_commands_compare_and_train_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    given = ["--controllers", "passive-off", "passive-on", "clipped-optimal", "skyhook", "--engine", "chain"]
-    assert cli.main(["compare", OWN, *given, "--jobs", "2", "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)["controllers"]
-    means = {name: {key: m["mean"] for key, m in row["measures"].items()} for name, row in rows.items()}
-    # What isolation is about: no command leaves the building calm, the largest one saves the bearings.
-    assert means["passive-off"]["shaking"] < 1.0
-    assert means["passive-on"]["bearings"] < means["passive-off"]["bearings"] < 1.0
-    assert all(0 < means[name]["mean_command"] < 2.25 for name in ("clipped-optimal", "skyhook"))
-    out = tmp_path / "out"
-    quick = ["--set", "population=4", "loads=2", "--evaluations", "1"]
-    assert cli.main(["train", OWN, *quick, "--timesteps", "10000", "-o", str(out)]) == 0
-    assert "shaking_ratio" in capsys.readouterr().out
-    (policy,) = out.glob("**/policy.json")
-    mine = ["--controllers", f"mine=policy:{policy}", "--engine", "chain", "--jobs", "1"]
-    assert cli.main(["compare", OWN, *mine]) == 0
-    assert "another version" not in capsys.readouterr().err
-    softer = tmp_path / "softer.py"
-    softer.write_text(Path(OWN.rpartition(":")[0]).read_text().replace("9e4,", "8.1e4,"))
-    assert cli.main(["compare", f"{softer}:Isolated", *mine]) == 0
-    assert "mrdamp: mine was trained on another version of isolated" in capsys.readouterr().err
-
-
-def test_what_is_no_structure_gets_one_line(tmp_path: Path) -> None:
-    file = tmp_path / "other.py"
-    file.write_text("class Other:\n    pass\n")
-    refuses(lambda: own_kind(f"{file}:Other"), "no subclass of mrdamp.envs.LinearStructure")
-    refuses(lambda: own_kind(f"{file}:None_"), "there is no None_")
-
-
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
@@ -159,16 +124,12 @@ def test_what_is_no_structure_gets_one_line(tmp_path: Path) -> None:
         ("mass", np.ones((2, 2)), "mass is not positive definite: its eigenvalues are from .* to 2"),
         ("stiffness", np.array([[1.0, -1.0], [-1.0, 1.0]]), "stiffness is not positive definite"),
         ("stiffness", np.eye(3), r"stiffness has the shape \(3, 3\); allowed with 2 coordinates .* \(2, 2\)"),
-        ("stiffness", np.ones(4), r"stiffness has the shape \(4,\)"),
         ("damping", np.array([[1.0, 2.0], [0.0, 1.0]]), "damping is not symmetric"),
         ("damping", np.full((2, 2), np.nan), "damping holds NaN"),
         ("damping", [[1.0], [1.0, 2.0]], "damping is no array of real numbers"),
-        ("stiffness", np.eye(2) * (1 + 0.02j), "stiffness is no array of real numbers"),
         # Poles of q'' - .2 q' + q = 0: .1 +- i (1 - .01)^.5.
         ("damping", np.diag([-0.2, 1.0]), r"damping is negative: .* unstable, a motion grows with 0.1 1/s"),
         ("stroke", np.zeros(2), "stroke is zero throughout"),
-        ("stroke", np.ones((2, 2)), r"stroke has the shape \(2, 2\); allowed: \(n,\), of one damper"),
-        ("stroke", [], "mass has the shape"),
         ("load", np.ones((3, 1)), r"load has the shape \(3, 1\); allowed .* \(2, loads\)"),
     ],
 )
@@ -186,14 +147,9 @@ def test_matrices_that_are_none_get_one_line(name: str, value: Any, message: str
     ("old", "new", "message"),
     [
         ('"rms", 0.5', '"mean", 0.5', "goal: how is 'mean'; allowed: rms, peak"),
-        ('"displacement", "peak"', '"drift", "peak"', "goal: of is 'drift'; allowed: acceleration, displacement"),
-        ('"peak", 0.5', '"peak", 0.0', "goal of base: weight is 0.0; allowed"),
         ('Goal("top"', 'Goal("roof"', "Isolated: no place 'roof'; there are base, top"),
-        ('2.0, "base"', '2.0, "cellar"', "Isolated: no place 'cellar'"),
         ("2.0, ", "0.0, ", "Isolated: strong is 0.0"),
         ("(0, 0, 0, 1)", "(0, 0, 1)", r"Isolated: place top has shape \(1, 3\); allowed: \(4,\)"),
-        ("(0, 0, 0, 1)", '(0, 0, 0, float("nan"))', "Isolated: place top holds NaN"),
-        ("(0, 0, 0, 1)", '"last"', "Isolated: place top is"),
         ("def mechanics", "mechanics = list\n    def other", r"mechanics\(\) gives a list; allowed: a Mechanics"),
         ("return default_damper()", "return 3", r"Isolated: damper\(\) gives a int"),
         ('name = "isolated"', "pass", "Isolated: no name; it needs name, places, goals"),
@@ -201,7 +157,6 @@ def test_matrices_that_are_none_get_one_line(name: str, value: Any, message: str
     ],
 )
 def test_structures_that_are_none_get_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:
-    """When it is made, in every command: nothing is tuned or run before."""
     text = Path(OWN.rpartition(":")[0]).read_text()
     assert old in text
     file = tmp_path / "broken.py"
@@ -214,15 +169,11 @@ def test_structures_that_are_none_get_one_line(tmp_path: Path, old: str, new: st
     [
         (np.zeros(100), r"forces have .*; allowed: finite \(samples, 1\)"),
         (np.zeros((100, 2)), r"forces have .*; allowed: finite \(samples, 1\)"),
-        (np.zeros((0, 1)), r"forces have .*; allowed: finite \(samples, 1\)"),
         ([[0.0], [1.0], [np.nan], [np.inf]], r"forces\[2, 0\] is nan; allowed: finite \(samples, 1\)"),
-        (np.ones((98, 1)), r"duration is 0.099 s; allowed: 0.097 s, of its 98 forces every 0.001 s"),
         (np.ones((101, 1)), r"duration is 0.099 s; allowed: 0.1 s, of its 101 forces every 0.001 s"),
     ],
 )
 def test_forces_that_are_none_get_one_line(forces: Any, message: str) -> None:
-    """Of a load of 99 ms."""
-
     class Pushed(Isolated):  # type: ignore[misc]
         def forces(self, load: Any) -> Any:
             return forces
@@ -350,13 +301,3 @@ def test_controllers_see_what_sensors_read_and_are_judged_by_what_happens(engine
     first, second = (vars(b.criteria("constant", run)) for b, run in ((bench, one), (faulty, other)))
     for key in ("peak_force", "dissipated_energy", "peak_acceleration"):
         np.testing.assert_allclose(second[key], first[key], rtol=1e-9, err_msg=key)
-
-
-def test_what_controllers_are_told_is_said() -> None:
-    """And what a passive command is, is not told: it is the damper's."""
-    weak = {**BENCH.model.parameters, "command_max": 1.0}
-    slow = replace(BENCH.model, name="slow", parameters=weak, effects=(Effect("driver_lag", {"tau": 0.02}),))
-    told = replace(BENCH, told=slow, engine="chain")
-    assert "driver (20 ms)" in told.about()
-    assert "of slow in place of the true model" in told.about()
-    assert told.history("passive-on", LOAD, 1.0).command.max() == BENCH.model.parameters["command_max"]
