@@ -12,7 +12,6 @@ import pytest
 
 from env_arguments import OWN
 from knowing import steady
-from mrdamp import cli
 from mrdamp.compare.bench import UNCONTROLLED, Bench
 from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare, distinct
@@ -21,7 +20,7 @@ from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.linear import GoalBench
 from mrdamp.control.passive import Replay
-from mrdamp.envs import RecordedMotions, StructureEnv
+from mrdamp.envs import RecordedMotions
 from mrdamp.envs.linear import own_kind
 from mrdamp.motions import GroundMotion
 from refusals import refuses
@@ -98,16 +97,6 @@ def test_of_two_records_a_source_makes_two_loads_and_says_that_tuning_had_them()
     assert len(compare(own, [CONSTANT], own.unseen_loads(), [1.0]).notes) == 1
 
 
-def test_a_structure_without_an_mjcf_is_refused_before_the_first_run() -> None:
-    class Coupled(Isolated):  # type: ignore[misc]
-        def mechanics(self) -> Any:
-            own = super().mechanics()
-            return replace(own, mass=own.mass + 1.0)  # of two bodies each: bodies on slides have a diagonal alone
-
-    assert GoalBench(Coupled(), engine="chain").structure.system.mass[0, 1] == 1.0
-    refuses(lambda: GoalBench(Coupled()), "matrices are not those of bodies and springs; use engine chain")
-
-
 @pytest.mark.parametrize("structure", ["frame", OWN])
 def test_of_drawn_motions_none_is_known(structure: str) -> None:
     made = bench_of(structure, engine="chain")
@@ -140,16 +129,6 @@ def test_settings_belong_to_places_and_loads_of_their_structure(change: dict[str
     assert identity(**change) != identity()
 
 
-@pytest.mark.parametrize("name", ["frame", "cable", "car"])
-def test_settings_belong_to_what_loads_are_and_not_to_their_names_alone(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    own = bench_of(name)
-    before, loads = own.identity(), own.tuning_loads()
-    monkeypatch.setattr(type(own), "tuning_loads", lambda self: [loads[0].scaled(1.001), *loads[1:]])
-    assert own.identity() != before
-
-
 def test_a_command_has_the_unit_of_its_parameter_set(tmp_path: Path) -> None:
     """Three volts are an ampere: with another unit the coil's energy is nine times as large."""
     frame_model().write(tmp_path / "tower.json")
@@ -158,46 +137,7 @@ def test_a_command_has_the_unit_of_its_parameter_set(tmp_path: Path) -> None:
     assert units == [bench_of("frame").command_unit, "A"] == ["V", "A"]
 
 
-def test_motions_that_are_likely_none_are_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Zeros are refused with their file before anything runs; gravity in a record and mm/s2 get a line."""
-    call = ["compare", OWN, "--controllers", "passive-on", "--engine", "chain", "--jobs", "1", "--motions"]
-    for name, values in (
-        ("zero", 0 * ONE.acceleration),
-        ("gravity", 9.81 + ONE.acceleration),
-        ("mm", 1e3 * TWO.acceleration),
-    ):
-        replace(ONE, acceleration=values).save(tmp_path / f"{name}.csv")
-    gravity, mm, zero = (str(tmp_path / f"{name}.csv") for name in ("gravity", "mm", "zero"))
-    assert cli.main([*call, gravity, zero, "-o", str(tmp_path / "out")]) != 0
-    assert f"{zero}: the motion is zero throughout" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-    assert cli.main([*call, gravity, mm]) == 0
-    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("check: ")]
-    assert [line.split(";")[0] for line in said] == [
-        f"check: gravity: its mean is {9.81 + ONE.acceleration.mean():.3g} m/s2, its peak 10.8",
-        "check: mm: its peak is 1e+03 m/s2",
-    ]
-
-
-def test_a_flat_road_and_a_load_of_zeros_are_refused(bench: Bench, tmp_path: Path) -> None:
-    road = tmp_path / "flat.csv"
-    road.write_text("position_m,height_m\n0,1\n1,1\n2,1\n3,1\n")
-    refuses(lambda: bench_of("car").read([road], 20.0), "flat.csv: the road is flat throughout")
-    refuses(lambda: compare(bench, [CONSTANT], [ONE.scaled(0.0)], [1.0]), "sine_9.0: the load is zero throughout")
-
-
-def test_a_period_of_ones_own_is_told(bench: Bench, tmp_path: Path) -> None:
-    own = tmp_path / "own.py"
-    own.write_text(
-        "class Es:\n    name, period = 'es', 0.002\n    def __init__(self, site): pass\n"
-        "    def reset(self): pass\n    def command(self, t, y): return 0.0\n"
-    )
-    rows = contenders(bench, ["passive-on", f"es={own}:Es"], {})
-    assert compare(bench, rows, [ONE], [1.0]).notes == ("control periods other than 5 ms: es 2 ms",)
-
 class Own:
-    """A load of a class of one's own: a second of white noise."""
-
     name, duration, sample_time = "own", 0.99, 0.01
 
     def __init__(self, forces: Any) -> None:
@@ -230,20 +170,6 @@ def test_a_load_whose_scaled_is_none_is_refused_before_a_run(bench: Bench, kind:
         assert compare(bench, [CONSTANT], [load], [1.0]).loads == ("own",)
 
 
-def test_a_source_that_draws_no_load_is_named() -> None:
-    class Nothing:
-        def draw(self, rng: np.random.Generator) -> None:
-            return None
-
-    class Without(Isolated):  # type: ignore[misc]
-        def loads(self) -> Any:
-            return Nothing()
-
-    said = "Nothing: draw gives a NoneType without name; allowed: a load with name, duration, sample_time, scaled"
-    refuses(lambda: GoalBench(Without(), engine="chain").unseen_loads(), said)
-    refuses(lambda: StructureEnv(Without, engine="chain").reset(seed=0), said)
-
-
 def test_a_policy_given_twice_is_one_seed(tmp_path: Path, bench: Bench) -> None:
     """The same file, and a copy in another layout; another bias is another seed."""
     files = [tmp_path / f"{name}.json" for name in ("a", "b", "c")]
@@ -255,23 +181,6 @@ def test_a_policy_given_twice_is_one_seed(tmp_path: Path, bench: Bench) -> None:
     found = compare(bench, rows, [ONE], [1.0])
     assert found.values["mine"]["shaking"].shape == (2, 1, 1)
     assert "2 of 4 policies of mine repeat another and are left out" in found.notes
-
-
-@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.slow)])
-def test_json_stays_json_beside_what_a_controller_prints(
-    tmp_path: Path, jobs: str, capfd: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "talks.py"
-    file.write_text(
-        "class Talks:\n    name, period = 'talks', 0.005\n    def __init__(self, site): print('made')\n"
-        "    def reset(self): print('reset')\n    def command(self, t, y): return 1.0\n"
-    )
-    ONE.save(tmp_path / "sine.csv")
-    words = ["--motions", str(tmp_path / "sine.csv"), "--compression", "1", "--engine", "chain", "--jobs", jobs]
-    assert cli.main(["compare", "frame", "--json", "--controllers", "passive-off", f"mine={file}:Talks", *words]) == 0
-    out, err = capfd.readouterr()
-    assert "mine" in json.dumps(json.loads(out))
-    assert "reset" in err
 
 
 def late(structure: str) -> Any:
