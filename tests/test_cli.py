@@ -3,28 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
-import re
-import shutil
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mrdamp import cli, demo, sets
-from mrdamp.cli import script
-from mrdamp.commands import progress_bar
 from mrdamp.model import Model
-from mrdamp.model.citations import citation
 from mrdamp.records import embedded, read_record
 from mrdamp.simulation.predict import played, write_prediction
 from mrdamp.simulation.stepping import drive_rig
 from refusals import refuses
-
-ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture
@@ -62,17 +51,6 @@ def test_predict_does_not_look_at_the_outputs(record: Path, model: Path, tmp_pat
         outs.append(tmp_path / f"pred{k}.csv")
         assert cli.main(["predict", str(model), str(changed), "-o", str(outs[-1])]) == 0
     assert outs[0].read_text() == outs[1].read_text()
-
-
-def test_an_error_against_a_dead_channel_has_no_deviation(
-    record: Path, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    read, out = read_record(record), tmp_path / "pred.csv"
-    read.with_channels({"force_N": np.full(read.n, 0.1)}).save(record)
-    assert cli.main(["predict", str(model), str(record), "-o", str(out)]) == 0
-    force = np.genfromtxt(out, delimiter=",", names=True)["force_N"][round(0.02 / read.sample_time) :]
-    error = np.sqrt(np.mean((force - 0.1) ** 2))
-    assert f"force_N: RMS error {error:.4g}, the measured one is constant\n" in capsys.readouterr().out
 
 
 def test_a_prediction_holds_no_nan(record: Path, tmp_path: Path) -> None:
@@ -166,11 +144,6 @@ def test_wrong_arguments_are_told_in_a_line(call: str, said: str, capsys: pytest
     assert text.count("\n") == 1
 
 
-def test_plugin_path_names_a_file(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["plugin-path"]) == 0
-    assert Path(capsys.readouterr().out.strip()).is_file()
-
-
 @pytest.mark.slow
 def test_the_demo_runs_and_goes_on_where_it_was(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -196,116 +169,3 @@ def test_the_demo_runs_and_goes_on_where_it_was(
     assert cli.main(arguments) == 0
     assert capsys.readouterr().out.splitlines()[:2] == said.splitlines()[:2]
     assert Model.read(tmp_path / "out" / "frame" / "model.json").rig == "frame"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("module", ["gymnasium", "argparse"])
-def test_an_interrupt_while_modules_are_imported_is_one_line(module: str, tmp_path: Path) -> None:
-    interrupt = "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(5)\n"
-    (tmp_path / f"{module}.py").write_text(interrupt)
-    done = subprocess.run(
-        [sys.executable, "-m", "mrdamp", "sets"],
-        env={**os.environ, "PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=False,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores it
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (130, "mrdamp: interrupted\n")
-
-
-# --- around the commands: citations, shell completion, plain output --------------------------------------
-
-
-@pytest.mark.parametrize("name", sets.names())
-def test_a_sets_sources_are_cited_once(name: str) -> None:
-    lines, _ = citation(name)
-    assert set(sets.load(name).sources) < set(lines)
-    dois = [doi for line in lines for doi in re.findall(r"doi:(\S+)", line)]
-    assert len(dois) == len(set(dois))
-
-
-def test_citation_prints_bibtex_and_json(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["citation", "modified_bouc_wen", "--bibtex"]) == 0
-    text = capsys.readouterr().out
-    assert text.startswith("@article{spencer1997,\n  author = {Spencer, B. F. and Dyke, S. J.")
-    assert text.count("{") == text.count("}")
-    assert cli.main(["citation", "narx", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["narx"]["references"][0]["year"] == 2015
-
-
-def test_citation_file_is_for_this_version() -> None:
-    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    version = re.search(r'^version = "(.*)"$', (ROOT / "pyproject.toml").read_text(), re.M)
-    assert version
-    assert f"version: {version[1]}\n" in text
-    for key in ("cff-version: 1.2.0", "message:", "title:", "authors:", "license: Apache-2.0"):
-        assert key in text
-
-
-def complete(*words: str) -> list[str]:
-    """What bash offers for the last word."""
-    bash = shutil.which("bash")
-    if bash is None:
-        pytest.skip("bash is not installed")
-    line = "\n".join(script(cli.build_parser(), "bash"))
-    array = " ".join(f"'{word}'" for word in ("mrdamp", *words))
-    ask = f"{line}\nCOMP_WORDS=({array}); COMP_CWORD={len(words)}; _mrdamp; printf '%s\\n' \"${{COMPREPLY[@]}}\""
-    done = subprocess.run([bash, "--norc", "-c", ask], capture_output=True, text=True, check=True)
-    assert done.stderr == ""
-    return done.stdout.split()
-
-
-@pytest.mark.slow
-def test_bash_completes_commands_options_choices_and_files(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "model.json").write_text("{}")
-    monkeypatch.chdir(tmp_path)
-    assert complete("ident") == ["identify"]
-    assert {"demo", "sets", "citation"} <= set(complete(""))
-    assert complete("citation", "--bib") == ["--bibtex"]
-    assert complete("inverse", "model.json", "--command-unit", "") == ["A", "V"]
-    assert complete("predict", "mod") == ["model.json"]
-    assert complete("completion", "z") == ["zsh"]
-
-
-def test_zsh_gets_the_same_through_its_bash_mode() -> None:
-    lines = list(script(cli.build_parser(), "zsh"))
-    assert lines[0] == "autoload -Uz bashcompinit && bashcompinit"
-    assert lines[1:] == list(script(cli.build_parser(), "bash"))
-
-
-def test_every_command_has_an_example() -> None:
-    (commands,) = (a for a in cli.build_parser()._actions if hasattr(a, "choices") and a.choices)
-    assert isinstance(commands.choices, dict)
-    for name, command in commands.choices.items():
-        assert (command.epilog or "").startswith(f"example: mrdamp {name}"), name
-
-
-def test_progress_without_a_terminal_is_a_line_a_step_and_a_tenth(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress_bar() as tell:
-        for share in (0.0, 0.04, 0.11, 0.2, 0.22):
-            tell("runs", share)
-        tell("page", 0.23)
-    assert capsys.readouterr().err.split("\n") == [
-        "  0 %  runs",
-        " 11 %  runs",
-        " 22 %  runs",
-        " 23 %  page",
-        "",
-    ]
-
-
-@pytest.mark.slow
-def test_a_reader_that_goes_leaves_no_traceback() -> None:
-    read, write = os.pipe()
-    os.close(read)
-    call = [sys.executable, "-m", "mrdamp.cli", "sets", "--json"]
-    done = subprocess.run(call, stdout=write, stderr=subprocess.PIPE, text=True, timeout=60)
-    os.close(write)
-    assert (done.returncode, done.stderr) == (141, "")
-
-
-def test_sets_as_json(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["sets", "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)
-    assert [row["id"] for row in rows] == list(sets.names())
-    assert all(row["sources"] for row in rows)
