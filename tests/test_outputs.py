@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import resource
 import stat
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,14 +17,13 @@ from mrdamp.cli import build_parser, main
 from mrdamp.commands import OutFile
 from mrdamp.files import together, write_atomic
 from mrdamp.motions import embedded_motion
-from mrdamp.parallel import Kept, finished, mapped
+from mrdamp.parallel import mapped
 from mrdamp.records import embedded
 from refusals import refuses
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Holds a record, a rig's table and a model; the working folder."""
     (tmp_path / "set").mkdir()
     record, other = (embedded().train[k].part(0.0, 1.0) for k in (0, 1))
     for name in ("r.csv", "r.csv.gz", "set/a.csv"):
@@ -100,14 +95,6 @@ def test_every_command_looks_at_its_outputs_before_any_work() -> None:
             refuses(lambda g=given, c=command: c.get_default("run")(g), "cannot be written")  # type: ignore[misc]
 
 
-def test_a_link_is_written_through(folder: Path) -> None:
-    (folder / "kept.csv").write_text("old")
-    (folder / "link.csv").symlink_to("kept.csv")
-    assert main(["predict", "m.json", "r.csv", "-o", "link.csv"]) == 0
-    assert (folder / "link.csv").is_symlink()
-    assert (folder / "kept.csv").read_text().startswith("time_s,")
-
-
 def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
     (tmp_path / "b").write_text("old")
 
@@ -158,74 +145,11 @@ def test_a_full_disk_leaves_no_part_of_a_result(
     assert main(call.split()) == 0
 
 
-def late(k: int, of: int) -> tuple[int, int]:
-    time.sleep(0.02 * (of - k))
-    return k, os.getpid()
-
-
 def threads() -> int:
     np.ones((4, 4)) @ np.ones((4, 4))
     return max((int(pool["num_threads"]) for pool in threadpool_info()), default=1)
 
 
-@pytest.mark.slow
-def test_results_come_in_the_order_of_the_tasks_from_other_processes() -> None:
-    out = list(mapped(late, [(k, 4) for k in range(4)], jobs=2))
-    assert [k for k, _ in out] == [0, 1, 2, 3]
-    assert os.getpid() not in {pid for _, pid in out}
-
-
-def test_kept_results_stand_in_the_order_of_the_tasks(tmp_path: Path) -> None:
-    kept = Kept(tmp_path / "kept")
-    kept.add("b", {"root": 3.0})
-    made: list[float] = []
-
-    def root(x: float) -> float:
-        made.append(x)
-        return math.sqrt(x)
-
-    tasks = {"a": (4.0,), "b": (9.0,), "c": (16.0,)}
-    again = finished(root, tasks, kept, 1, lambda count, result: None, lambda r: {"root": r}, lambda d: d["root"])
-    assert (list(again.items()), made) == ([("a", 2.0), ("b", 3.0), ("c", 4.0)], [4.0, 16.0])
-    assert Kept(tmp_path / "kept") == kept
-
-
-def test_one_job_stays_here_and_is_lazy() -> None:
-    work = mapped(late, [(k, 2) for k in range(2)], jobs=1)
-    assert next(work) == (0, os.getpid())
-
-
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_task_has_one_thread_of_blas(jobs: int) -> None:
     assert list(mapped(threads, [(), ()], jobs)) == [1, 1]
-
-
-def test_an_unknown_backend_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MRDAMP_BACKEND", "dask")
-    refuses(lambda: list(mapped(late, [(0, 0), (1, 1)], jobs=2)), r"MRDAMP_BACKEND is 'dask'; allowed: loky, ray")
-
-
-@pytest.mark.slow
-def test_a_killed_process_leaves_no_worker() -> None:
-    code = (
-        "import os, time\nfrom mrdamp.parallel import mapped\n"
-        "def work(k):\n    print(os.getpid(), flush=True)\n    time.sleep(60)\n"
-        "list(mapped(work, [(k,) for k in range(2)], jobs=2))\n"
-    )
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as run:
-        assert run.stdout
-        workers = [int(run.stdout.readline()) for _ in range(2)]
-        run.kill()
-        assert run.pid not in workers
-        ends = time.monotonic() + 20.0
-        while any(map(alive, workers)) and time.monotonic() < ends:
-            time.sleep(0.2)
-    assert not any(map(alive, workers))
-
-
-def alive(pid: int) -> bool:
-    """A process that has ended may wait for its parent to take notice."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
