@@ -16,19 +16,16 @@ import mrdamp
 from excitation import random_steps, sine
 from laboratory import TRUE, identifiable, rig_tests
 from modules import CASES, needs
-from mrdamp import sets
 from mrdamp.cli import main
 from mrdamp.diagnosis.form import Form, form_with
 from mrdamp.identify import Fit, error, identify
 from mrdamp.identify.findings import findings
-from mrdamp.identify.intervals import channel_findings, intervals
+from mrdamp.identify.intervals import intervals
 from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record, embedded, read_record
 from mrdamp.records.motion import slowness
-from mrdamp.simulation.predict import noisy_motion
-from record_tables import write
 from refusals import refuses
 from twins import simulate
 
@@ -44,16 +41,6 @@ def test_embedded_records_and_the_same_answer_for_any_threads() -> None:
     assert fits[0].held_out_nrmse < 0.3
     # A law without hysteresis, lag and saturation must be worse on these.
     assert plain.held_out_nrmse > 1.3 * fits[0].held_out_nrmse
-
-
-def test_bad_input_is_told() -> None:
-    (r,) = rig_tests("bingham", chosen=(4,))
-    still = r.with_channels({**r.channels, "displacement_m": np.zeros(r.n)})
-    silent = Record("s", None, r.sample_time, {k: v for k, v in r.channels.items() if k != "force_N"})
-    refuses(lambda: identify("bingham", [still]), "constant")
-    refuses(lambda: identify("bingham", [silent]), "force_N")
-    refuses(lambda: identify("maxwell", [r]), "bouc_wen")
-    refuses(lambda: identify("bingham", [r], extras=("ghost",)), "driver_lag")
 
 
 def test_steps_grow_with_slow_motions() -> None:
@@ -168,13 +155,6 @@ def test_a_current_of_both_signs_acts_by_its_size() -> None:
     assert lines == ""
 
 
-def test_a_driver_lag_that_was_not_fitted_is_told() -> None:
-    _, lines = said(varying(0.03))
-    assert "a lag of the driver of about 30 ms" in lines
-    assert "driver" not in said(varying(0.03), extras=("offset", "driver_lag"))[1]
-    assert "driver" not in said(varying(0.0))[1]
-
-
 def test_a_delay_that_was_fitted_as_a_lag_is_told_and_parted() -> None:
     train = varying(0.008, 0.004)
     assert "a delay of the command of about" in said(train, extras=("offset", "driver_lag"))[1]
@@ -182,16 +162,6 @@ def test_a_delay_that_was_fitted_as_a_lag_is_told_and_parted() -> None:
     assert "delay of the command" not in lines
     assert fit.model.attributes["driver_lag_tau"] == pytest.approx(0.008, rel=0.02)
     assert fit.model.attributes["command_delay_d"] == pytest.approx(0.004, rel=0.02)
-
-
-def test_what_is_left_by_chance_is_a_small_share() -> None:
-    """Records that hold all it needs get no line; a delay of the force of 2 ms is most of what is left."""
-    train = rig_tests("bouc_wen")
-    fit, lines = said(train)
-    assert lines == ""
-    assert max(c.delay_share for c in channel_findings(fit, train)) < 0.05
-    late = [r.with_channels({"force_N": np.roll(r.channel("force_N"), 2)}) for r in train]
-    assert np.median([c.delay_share for c in channel_findings(fit, late)]) > 0.2
 
 
 @pytest.mark.parametrize("steps", [False, True])
@@ -236,16 +206,6 @@ def test_a_held_out_command_beyond_the_fitted_ones_is_told() -> None:
     lines = said(records[::3] + records[1::3], records[2::3])[1]
     told = "its command runs from 1 to 1, the model holds for 0 to 0.5: 100 % of the samples are clamped"
     assert told in lines
-
-
-def test_predict_tells_what_it_clamps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rows = [f"{0.002 * k:.3f},{0.01 * np.sin(0.01 * k):.6f},{5 * (k > 100)}" for k in range(400)]
-    record = write(tmp_path, ["time_s,displacement_m,command", *rows])
-    model = tmp_path / "model.json"
-    found = sets.load("spencer1997_3kN")
-    Model(found.law, dict(found.parameters)).write(model)
-    assert main(["predict", str(model), str(record), "-o", str(tmp_path / "out.csv")]) == 0
-    assert "the model holds for 0 to 2.25: 75 % of the samples are clamped" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -346,12 +306,6 @@ def test_the_effects_that_the_records_pay_for_are_fitted_along(
     assert "fitted along: driver_lag (probability" in told
     assert Model.read(out).attributes["driver_lag_tau"] == pytest.approx(lag, rel=0.03)
     assert main(["identify", *files, "--law", "bouc_wen", "--extras", "auto", "--intervals", "-o", str(out)]) == 2
-
-
-def test_a_record_at_rest_has_no_noise_to_tell_of() -> None:
-    still = Record("still", None, DT, {"displacement_m": np.zeros(50), "command": np.zeros(50)})
-    model = Model("bingham", {"c0a": 1.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01})
-    assert noisy_motion(model, still, np.zeros(50)) == ""
 
 
 def test_noise_of_the_displacement_in_a_prediction_is_that_of_central_differences(

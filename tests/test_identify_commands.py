@@ -61,39 +61,6 @@ def test_intervals_and_json_that_holds_the_figures_of_the_text(
     assert float(told["fyb"][2]) < 300.0 < float(told["fyb"][3])
 
 
-def test_what_does_not_follow_the_command_is_one_number(folder: Path, tmp_path: Path) -> None:
-    out = tmp_path / "model.json"
-    assert run_bingham(folder, "--follows", "fy", "--intervals", "-o", out) == 0
-    p = Model.read(out).parameters
-    assert p["c0b"] == 0.0
-    assert p["fyb"] == pytest.approx(300.0, rel=0.2)  # with what follows in truth of c0
-
-
-def test_dependences_are_compared(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_bingham(folder, "--json", "-o", tmp_path / "m", "--dependence", "compare") == 0
-    said = capsys.readouterr()
-    found = json.loads(said.out)
-    least = min(row["held_out_nrmse"] for row in found["dependences"].values())
-    assert found["held_out"]["nrmse"] == least
-    for name in ("  linear", "  quadratic ", "  saturating", "taken: "):
-        assert name in said.err
-
-
-def test_by_command_draws_its_lines(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture = tmp_path / "lines.png"
-    assert run_bingham(folder, "--json", "--by-command", "--picture", picture, "-o", tmp_path / "m") == 0
-    assert picture.stat().st_size > 5000
-    said = capsys.readouterr()
-    found = json.loads(said.out)
-    assert [row["command"] for row in found["by_command"]] == [0.0, 0.6, 1.2]
-    (line,) = (row for row in found["lines"] if row["parameter"] == "fya")
-    assert line["slope"] == pytest.approx(300.0, rel=0.05)
-    offset = Model.read(tmp_path / "m").attributes["gas_spring_f0"]
-    assert f"found: force offset or preload: {offset:.4g} N" in said.err
-    (told,) = (row.split() for row in said.err.splitlines() if row.split()[:1] == ["fya"])
-    assert float(told[2]) == pytest.approx(line["slope"], rel=1e-2)
-
-
 def test_table1(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Bingham's row is the error of that law's own identification."""
     picture = tmp_path / "t.svg"
@@ -132,16 +99,6 @@ def test_both_papers_measures_and_loops_of_a_law(
     assert row["e_x"] == pytest.approx(np.sqrt(np.mean(gap * weight)) / np.std(force), rel=2e-2)
     assert row["e_v"] > 0
     assert picture.stat().st_size > 5000
-
-
-def test_what_the_records_cannot_show_is_told(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Each record has one command: no driver lag is seen. A saturation is, over several of them."""
-    extras = ("--extras", "offset", "driver_lag", "saturation")
-    assert run_bingham(folder, "-o", tmp_path / "m.json", *extras) == 0
-    text = capsys.readouterr().out
-    assert "left out, as no record here has a command that varies enough: driver_lag\n" in text
 
 
 def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -196,24 +153,16 @@ def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        ("identify {set} --starts 0 -o {here}/m.json", "--starts"),
         ("identify {set} --law binghamm -o {here}/m.json", "allowed: bingham, .*, narx"),
         ("identify {set} --law bingham --page {here}/p.html -o {here}/m.json",
          r"--page is for a network \(--law narx\); the law is bingham"),
         ("identify {set} --law narx --intervals -o {here}/m.json", "--intervals is for laws"),
         ("identify {set} --law bingham --record a -o {here}/m.json", "--record is for --protocol varying"),
-        ("identify {set} --law bingham --counts 1:2:3 -o {here}/m.json", "--counts is for --protocol varying"),
-        ("identify {set} --law bingham --command 1 -o {here}/m.json", "--command is for --protocol constant"),
-        ("identify {set} --law bingham --refit -o {here}/m.json", "--refit is for --intervals"),
         ("identify {set} --law bingham --by-command --dependence constant -o {here}/m.json", "--dependence has no"),
-        ("identify {set} --law bingham -o {here}/none/m.json", "cannot be written: there is no folder"),
-        ("identify {set} --law bingham -o {here}", "cannot be written: it is a folder"),
         ("identify {set} --law bingham --follows k1 -o {here}/m.json",
          "no coefficient k1 that may follow the command; allowed: c0, fy"),
-        ("table1 {here}/none", "no such folder or file"),
         ("table1 {set} --cutoff-force", "--cutoff-force needs a --cutoff"),
         ("table1 {set} --network {here}/bingham.json", "law bingham; --network takes a network"),
-        ("table1 {set} --follows c0", "of a table: paper"),
         ("calibrate --picture {here}/c.bmp", r"\.svg, \.png or \.pdf"),
     ],
 )  # fmt: skip
@@ -221,16 +170,6 @@ def test_bad_requests_are_told(call: str, said: str, folder: Path, tmp_path: Pat
     law = {"c0a": 1.0, "c0b": 0.0, "fya": 1.0, "fyb": 0.0, "v_ref": 0.01}
     Model("bingham", law).write(tmp_path / "bingham.json")
     refuses(lambda: run(*call.format(set=folder, here=tmp_path).split()), said)
-
-
-def test_units_are_doubted_before_the_fit(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for record in read_records(folder):
-        in_kn = record.with_channels({"force_N": 1e-3 * record.channel("force_N")})
-        in_kn.save(tmp_path / f"{record.name}.csv")
-    assert run_bingham(tmp_path, "--json", "-o", tmp_path / "m.json") == 0
-    said = capsys.readouterr()
-    assert said.err.startswith("check: ")
-    assert len(json.loads(said.out)["warnings"]) == len(read_records(folder))
 
 
 def test_the_error_of_the_file_is_told_beside_that_of_prepared_records(
