@@ -114,7 +114,6 @@ def force(x: Array, u: Array) -> Array:
 
 
 def records(*, filtered: bool) -> tuple[Record, Record]:
-    """A command that jumps, and one that stays."""
     out = []
     for name, u, hz in (("steps", fine_steps(), 1.2), ("held", np.ones(len(fine_steps())), 0.9)):
         x = triangle(hz, 0.012)
@@ -232,14 +231,3 @@ def test_a_file_tells_how_the_command_was_logged(record: Record) -> None:
     assert again.extra[LOG] == AS_SENT
     assert {e.name for e in again.effects} == {"remanence"}
     assert log_entry({}) == {}
-
-
-def test_terms_along_the_log_are_there_where_a_log_rings(record: Record) -> None:
-    ringing = DamperRig(Model("bingham", LINES), (record,)).terms
-    flat = replace(record, channels={**record.channels, "command": np.full(record.n, 0.5)})
-    still = DamperRig(Model("bingham", LINES), (flat,)).terms
-    along = [t for t in ringing if ALONG in t.fixed]
-    assert along
-    assert {t.effect for t in along} == {"remanence"}
-    assert not [t for t in still if ALONG in t.fixed]
-    assert len({t.name for t in ringing}) == len(ringing) == len(still) + len(along)

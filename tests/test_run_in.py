@@ -212,12 +212,6 @@ def test_offset_and_delay_left_in_a_record_are_found(fitted: tuple[Fit, list[Rec
     assert abs(left[1].offset) < 0.6
 
 
-def test_bad_requests_are_told(fitted: tuple[Fit, list[Record]]) -> None:
-    fit, train = fitted
-    refuses(lambda: intervals(fit, train[:3], block=100.0), "too few")
-    refuses(lambda: intervals(Fit(fit.model, (), (), 1, 1), train), "no search space")
-
-
 def bent(u: Array) -> Array:
     return np.asarray(30.0 + 500.0 * u - 180.0 * u**2)
 

@@ -9,7 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -18,7 +17,6 @@ from dampers import off
 from excitation import Array
 from frame_case import DT, NOISE, SECONDS, believed, ground
 from mrdamp import sets
-from mrdamp.cli import main
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.problem.command_hold import with_hold
 from mrdamp.diagnosis.run import diagnose
@@ -27,7 +25,6 @@ from mrdamp.model import Effect, Model, core
 from mrdamp.records import Record, embedded
 from mrdamp.records.log_filter import held
 from mrdamp.simulation import stepping
-from mrdamp.simulation.mjcf import mjcf
 from mrdamp.simulation.predict import free_run
 from mrdamp.structures import ShearFrame, dyke1996
 from refusals import refuses
@@ -137,14 +134,6 @@ def test_the_frame_agrees_with_the_c_entry(key: tuple[str, Any]) -> None:
         assert off(stepped[name], values) < LIMIT, name
 
 
-def test_without_damper_there_is_none() -> None:
-    model = Model(
-        "modified_bouc_wen", SPENCER, (Effect("joint_friction", {"coulomb": 5.0}, 1),), "frame", dyke1996()
-    )
-    bare = mujoco.MjModel.from_xml_string(mjcf(model, damper=False))
-    assert [bare.actuator(k).name for k in range(bare.nu)] == ["ground", "friction_1"]
-
-
 N = round(SECONDS / DT) + 1
 LINES = 5  # constant pieces that stand for a line between two samples
 
@@ -165,10 +154,8 @@ def jumping(seed: int) -> Array:
 
 @cache
 def clean(kind: str, seed: int, between: str, late: int = 0) -> Record:
-    """A record of the frame without noise.
-
-    between: "held" or "lines"; late: samples by which the rig's command is behind its log.
-    """
+    """A record of the frame without noise. between: "held" or "lines"; late: samples by which the rig's command is
+    behind its log."""
     t: Array = np.asarray(DT * np.arange(N), dtype=np.float64)
     a = ground(t, seed)
     u = smooth(seed) if kind == "smooth" else jumping(seed)
@@ -296,10 +283,3 @@ def test_a_case_says_whether_its_command_is_held(tmp_path: Path) -> None:
     assert read_case(written(tmp_path / "open")).model.hold is None
     refuses(lambda: read_case(written(tmp_path / "word", hold="yes")), "hold is 'yes'; allowed: true, false")
     refuses(lambda: read_case(written(tmp_path / "typo", holds=True)), "'holds' is unknown; allowed: name, format")
-
-
-def test_the_case_command_writes_it(tmp_path: Path) -> None:
-    folder = written(tmp_path / "from")
-    out = tmp_path / "to"
-    assert main(["case", str(folder), str(folder / "a.csv"), "--hold", "no", "-o", str(out)]) == 0
-    assert read_case(out).model.hold is False
