@@ -12,11 +12,9 @@ from scipy.stats import multivariate_normal
 from excitation import Array
 from mrdamp.narx.bayes import effective, minimise
 from mrdamp.narx.data import Series, lagged
-from mrdamp.narx.network import Network
 from mrdamp.narx.problems import FreeRun, OneStep
 from mrdamp.narx.prune import compact
 from narx_data import made, small
-from refusals import refuses
 
 SHAPES: tuple[tuple[int, ...], ...] = ((), (5,), (4, 3))
 
@@ -69,15 +67,6 @@ def test_segments_start_from_measured_forces_and_never_leave_their_record() -> N
     assert force.shape[1] == (50 - 3) // 10 + (40 - 3) // 10
 
 
-@pytest.mark.parametrize("hidden", SHAPES, ids=str)
-def test_text_round_trip(hidden: tuple[int, ...]) -> None:
-    net = small(hidden, seed=5)
-    again = Network.from_text(net.to_text())
-    assert again.to_text() == net.to_text()
-    assert again.inputs == net.inputs
-    np.testing.assert_array_equal(again.theta, net.theta)
-
-
 def test_lag_space_and_what_lies_before_a_record() -> None:
     assert lagged("vF", 1) == (("v", 0), ("v", 1), ("F", 1), ("F", 2))
     assert len(lagged("vF", 4)) == 10  # the paper's 10-9-1
@@ -107,20 +96,6 @@ def test_compacting_keeps_the_function() -> None:
     np.testing.assert_allclose(
         smaller.forward(s.regressors(smaller.inputs)), sparse.forward(s.regressors(net.inputs)), rtol=1e-12
     )
-
-
-def test_bad_networks_are_told_in_a_line() -> None:
-    net = small((5,))
-    bad = (
-        (lambda: net.with_theta(net.theta[1:]), r"theta has shape \(\d+,\); allowed"),
-        (lambda: small((300,)), "hidden units"),
-        (lambda: small((2, 2, 2)), "hidden units"),
-        (lambda: lagged("vq"), "network input q:0"),
-        (lambda: lagged("vv"), "none twice"),
-        (lambda: Network.from_text("mrdamp-narx 1\n"), "NARX weights"),
-    )
-    for make, message in bad:
-        refuses(make, message)
 
 
 @dataclass(frozen=True)

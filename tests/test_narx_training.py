@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from excitation import Array
-from mrdamp import InputError
 from mrdamp.narx import data
 from mrdamp.narx.bayes import minimise
 from mrdamp.narx.data import lagged, protocol, series
@@ -184,13 +183,6 @@ def test_a_record_keeps_its_motion_and_noise_at_another_sample_time() -> None:
         assert s.sample_time == every * 5e-4
         assert s.noise == pytest.approx(3.43, rel=0.05)
         np.testing.assert_allclose(s.v[10:-10], 0.01 * w * np.cos(w * t)[::every][10:-10], atol=2e-3 * w * 0.01)
-
-
-def test_records_that_do_not_go_together_are_told() -> None:
-    inputs = lagged("viF", 2)
-    with pytest.raises(InputError, match="20 samples for lags up to 3; at least 40"):
-        data.check([TRAIN[0], TRAIN[1].part(0, 20)], inputs, 50)
-    refuses(lambda: data.check([TRAIN[0], replace(TRAIN[1], sample_time=4e-3)], inputs, 50), "different sample times")
 
 
 def test_force_at_rest_is_the_fixed_point_of_the_recursion() -> None:
