@@ -103,11 +103,6 @@ def test_semi_active_reference_numbers_within_five_percent() -> None:
         assert abs(row.deviation[0]) < 0.1
 
 
-def test_bad_cables_get_one_line() -> None:
-    refuses(lambda: ControlledCable(1.5), r"damper at 1.5 of the length")
-    refuses(lambda: ControlledCable(0.02, load="wind"), "load is 'wind'")  # type: ignore[arg-type]
-
-
 def test_outputs_of_a_stay_cable() -> None:
     cable = StayCable(modes=4)
     rows, through = cable_outputs(

@@ -15,7 +15,6 @@ from mrdamp.diagnosis.frame_run import judge
 from mrdamp.diagnosis.hypotheses.outside_storeys import bent
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.errors import InputError
 from mrdamp.model import Model, core
 from mrdamp.model.core import FrameInput
 from mrdamp.records import Record
@@ -96,20 +95,7 @@ def test_a_storeys_spring_is_that_of_scipy(
     assert np.std(got["acceleration_2"] - straight) > 0.05 * np.std(straight)
 
 
-def test_springs_that_no_frame_can_have_are_refused() -> None:
-    with pytest.raises(InputError, match="one_sided, cubic of storey 2"):
-        core.run_frame(
-            "bingham",
-            LAW,
-            bent({"outside_crack_share@2": 1.0, "outside_crack_side@2": 1.0}, FRAME),
-            DT,
-            shaken(1),
-            0.0,
-        )
-
-
 def measured(spring: Spring, noise: float = 0.01) -> tuple[tuple[Record, ...], Array]:
-    """Two records of the twin with white noise of this share, and the gaps (blocks,) that it makes."""
     rng, out, gaps = np.random.default_rng(5), [], []
     names = {
         f"{kind}_{j}": f"floor{j}_{kind}_{unit}"
