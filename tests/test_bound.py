@@ -3,18 +3,14 @@ a cable and a quarter car what is to come; and of every plant the engine and the
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
-from command_call import caller
-from mrdamp.commands.controllers import add_to
 from mrdamp.compare import Comparison, Contender, FrameBench, compare
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.beam import search as search_beam
@@ -28,12 +24,10 @@ from mrdamp.compare.linear import CableBench
 from mrdamp.compare.linear import ToCome as CableToCome
 from mrdamp.compare.rollouts import Rollouts, sensitivity
 from mrdamp.envs.cable import Cable
-from mrdamp.envs.car import Car
 from mrdamp.envs.frame import Frame
-from mrdamp.envs.frame_rows import PERIOD, CarChain, FrameChain
+from mrdamp.envs.frame_rows import FrameChain
 from mrdamp.envs.linear_rows import CableChain
 from mrdamp.envs.loads import AmbientLoads, CableLoad, WindLoads
-from mrdamp.model import Model
 from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.roads import iso8608
 from mrdamp.simulation.rows import ChainRows, Stepping
@@ -43,8 +37,6 @@ BENCH = FrameBench(preset.frame_model())
 MOTION = kanai_tajimi(5, duration=4.0, rise=0.5, plateau=2.0, decay=0.5)
 PLAYED = BENCH.played(MOTION, 1.0)
 LARGEST = BENCH.site.command_max
-
-run = caller(add_to)
 
 
 def rollouts(kind: type[Rollouts] = Rollouts) -> Rollouts:
@@ -143,34 +135,6 @@ def test_an_interval_of_a_ratio_is_that_of_the_delta_method() -> None:
     refuses(lambda: ratio(np.ones((1, 2, 1)), np.ones((2, 2, 1))), "no ratio")
 
 
-@pytest.mark.slow
-def test_the_command_writes_shares_and_paths(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "motion.csv"
-    rows = "".join(
-        f"{float(t)!r},{float(a)!r}\n" for t, a in zip(MOTION.time, MOTION.acceleration, strict=True)
-    )
-    file.write_text(f"time_s,acceleration_m_s2\n{rows}")
-    given = ["frame", "--motions", file, "--controllers", "passive-on", "passive-off", "--bound", "--jobs", 1]
-    assert run("compare", *given, "-o", tmp_path / "out") == 0
-    text = capsys.readouterr().out
-    assert "way to clairvoyant-drift" in text
-    assert "local optimum" in text
-    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
-    assert "Way to the clairvoyant command" in page
-    shares, steps = (
-        list(csv.DictReader((tmp_path / "out" / name).read_text(encoding="utf-8").splitlines()))
-        for name in ("shares.csv", "paths.csv")
-    )
-    on = [row for row in shares if row["controller"] == "passive-on"]
-    assert on
-    assert all(float(row["share"]) == 0 for row in on)
-    assert {row["bound"] for row in steps} == set(BENCH.bounds)
-    assert all((tmp_path / "out" / name).stat().st_size > 5000 for name in ("shares.png", "paths.png"))
-    kept = (tmp_path / "out" / "kept.jsonl").read_text()
-    assert run("compare", *given, "-o", tmp_path / "out") == 0  # nothing is searched for again
-    assert (tmp_path / "out" / "kept.jsonl").read_text() == kept
-
-
 CABLE, CAR = CableBench(), CarBench()
 
 
@@ -185,8 +149,6 @@ IN_FRAME = tuple(kanai_tajimi(seed, duration=4.0, rise=0.5, plateau=2.0, decay=0
 
 
 class Rows:
-    """Rows with these states alone."""
-
     def __init__(self, q: np.ndarray, v: np.ndarray, weighting: np.ndarray | None = None) -> None:
         self._q, self._v, self._weighting = q, v, weighting
 
@@ -259,44 +221,6 @@ def _rows(n: int, load: CableLoad) -> ChainRows:
         made.start(row, load)
     plants: ChainRows = made.plants
     return plants
-
-
-DASHPOT = 1500.0  # N s/m
-
-
-def linear_car() -> CarChain:
-    """One car with a dashpot in the damper's place, whose tyre never lifts off on these roads."""
-    damper = Model(
-        "bingham", {"c0a": DASHPOT, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 1.0, "command_max": 1.0}
-    )
-    made = CarChain(Car(CAR.car, damper), Stepping(5e-3, 1e-3, np.array([1.0]), 1))
-    made.start(0, ON_CAR[0])
-    return made
-
-
-def states(rows: CarChain) -> np.ndarray:
-    p = rows.plants
-    return np.asarray(np.concatenate([p.coordinates(), p.velocities(), p.weighting()], axis=1)[0])
-
-
-def test_the_linear_car_is_the_chains_with_a_dashpot() -> None:
-    rows = linear_car()
-    pushes = rows.pushes(ON_CAR[0])
-    a, b, out = weighted_car(CAR.car, DASHPOT, 1e-3)
-    x, own, theirs = np.zeros(12), [], []
-    for k in range(500):
-        sums = np.zeros(2)
-        for push in pushes[5 * k : 5 * k + 5]:
-            sums += [(row @ x) ** 2 / 5 for row in (out["comfort"], out["load"])]
-            x = a @ x + b * push
-        own.append(sums)
-        found = rows.plants.advance(np.zeros((1, 1)))[0][0]
-        theirs.append([found[PERIOD.index(key)] for key in ("comfort", "load")])
-        if k in (40, 300):
-            assert np.abs(states(rows) - x).max() < 0.03 * np.abs(x).max()
-            assert np.abs(states(rows)[4:] - x[4:]).max() < 0.03 * np.abs(x[4:]).max()
-    mean = np.sqrt(np.mean(own, axis=0) / np.mean(theirs, axis=0))
-    assert mean == pytest.approx([1.0, 1.0], abs=0.01)
 
 
 def test_what_is_to_come_of_a_car_is_that_of_runs_of_a_linear_one() -> None:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +17,10 @@ from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov, 
 from dampers import off
 from env_arguments import dashpot
 from excitation import Array
-from mrdamp import cli, models_xml
+from mrdamp import models_xml
 from mrdamp.compare.car import CarBench
 from mrdamp.control.car import (
     HookForce,
-    Switching,
     add_switch,
     car_plant,
     regulated,
@@ -41,7 +37,6 @@ from mrdamp.structures.lumped import QuarterCar
 from refusals import refuses
 
 CAR = QuarterCar()
-# --- roads --------------------------------------------------------------------------------
 @pytest.mark.parametrize("road_class", CLASSES)
 def test_a_road_has_the_spectrum_of_its_class(road_class: str) -> None:
     """By Welch's estimate, in octaves: G(n) = G(0.1) (n / 0.1)^-2, G(0.1) 4^k 16e-6 m3."""
@@ -91,7 +86,6 @@ def test_bumps_and_files(tmp_path: Path) -> None:
     assert Bumps().draw(np.random.default_rng(1)).height.max() > 0.02
 
 
-# --- comfort ------------------------------------------------------------------------------
 #: ISO 2631-1:1997, table 3, principal weighting Wk in thirds of octaves.
 TABLE = {
     0.5: 0.418, 1.0: 0.482, 2.0: 0.531, 4.0: 0.967, 6.3: 1.054, 8.0: 1.036, 16.0: 0.768, 31.5: 0.405, 63.0: 0.186,
@@ -109,7 +103,6 @@ def test_the_weighting_is_the_standards() -> None:
     refuses(lambda: wk_sections(5e-3), "sample time")
 
 
-# --- the model ----------------------------------------------------------------------------
 def test_rms_values_are_lyapunovs() -> None:
     """A long class C road is white noise in velocity, of density (2 pi 0.1)^2 G(0.1) v."""
     c, speed = 1500.0, 20.0
@@ -206,7 +199,6 @@ def test_the_shipped_model_is_the_environments() -> None:
 
 BENCH = CarBench(engine="chain", timestep=1e-3)
 SITE = BENCH.site
-ROAD = replace(iso8608("C", 20.0, 4.0, 11), name="road")
 
 
 def test_sh_add_is_the_papers_rule() -> None:
@@ -286,27 +278,6 @@ def test_mpc_is_the_discrete_regulator_where_nothing_binds(monkeypatch: pytest.M
     assert abs(aim(0.0, {"stroke_velocity": math.copysign(0.1, wanted)})) == pytest.approx(
         SITE.force_max, rel=1e-3
     )
-
-
-def test_what_mpc_needs_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "osqp", None)
-    refuses(lambda: make("clipped-mpc", SITE), r"clipped-mpc needs osqp, .* pip install 'mrdamp\[mpc\]'")
-    refuses(lambda: make("sh-add:beta=1", SITE), "option 'beta' is unknown; allowed: alpha, leak, level")
-    assert isinstance(make("sh-add", SITE), Switching)
-
-
-def test_the_command_compares_on_a_road_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A stronger damper strokes less; ratios are over the linear suspension, and the table says so."""
-    file, out = tmp_path / "lane.csv", tmp_path / "out"
-    rows = zip(np.arange(0, 60, 0.1), ROAD.at(np.arange(0, 60, 0.1) / 20.0), strict=True)
-    file.write_text("position_m,height_m\n" + "".join(f"{x:.6g},{z:.6g}\n" for x, z in rows))
-    given = ["--controllers", "passive-off", "passive-on", "sh-add", "--motions", str(file), "--speed", "15"]
-    assert cli.main(["compare", "car", *given, "--engine", "chain", "--jobs", "1", "-o", str(out)]) == 0
-    assert "over the linear suspension" in capsys.readouterr().out
-    result = json.loads((out / "result.json").read_text())["controllers"]
-    stroke = {name: row["measures"]["stroke"]["mean"] for name, row in result.items()}
-    assert stroke["passive-on"] < stroke["sh-add"] < stroke["passive-off"]
-    assert "linear suspension" in (out / "table.md").read_text()
 
 
 def test_a_road_at_another_speed_takes_the_time_and_the_name_of_that_speed() -> None:
