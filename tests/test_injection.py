@@ -17,7 +17,6 @@ from mrdamp.diagnosis.injection.inject import (
     change_of,
     refusal,
     strength_of,
-    widened,
 )
 from mrdamp.diagnosis.injection.signals import Scales, Signals
 from mrdamp.model import Model, damper_effects
@@ -223,7 +222,6 @@ def test_remanence_makes_the_field_higher_on_the_way_down() -> None:
     assert np.array_equal(made.channel("current_A"), made.command)  # what is measured is the coil's current
 
 
-SPENCER = dict.fromkeys("c0a c0b c1a c1b k0 k1 x0 alpha_a alpha_b gamma beta A n".split(), 1.0)
 STEPS = np.where(np.sin(2 * math.pi * 0.9 * DT * np.arange(3000)) > 0, 2.0, 0.0)
 SLOW_STEPS = np.interp(
     DT * np.arange(3000), np.arange(0, 6.1, 0.5), [0, 0, 1, 1, 0.4, 0.4, 2, 2, 0.6, 0.6, 1.5, 1.5, 0]
@@ -253,10 +251,6 @@ def test_what_records_cannot_have(effect: str, commands: list[Array | float], sa
     assert isinstance(found, NotPut) == may_show_it
 
 
-def test_a_law_in_series_cannot_thin() -> None:
-    assert "series" in refusal("shear_thinning", Model("modified_bouc_wen", SPENCER), [record()])
-
-
 def test_a_size_is_met_and_one_out_of_reach_is_none() -> None:
     records = list(embedded().train[:2])
     model = Model("bingham", BINGHAM.parameters)
@@ -267,10 +261,3 @@ def test_a_size_is_met_and_one_out_of_reach_is_none() -> None:
     assert change(injection, strength) == pytest.approx(0.1, rel=0.02)
     asymmetry = Injection.draw("asymmetry", model, records, np.random.default_rng(0))
     assert strength_of(lambda s: change(asymmetry, s), 0.95) is None  # F (1 + 0.8) is the end
-
-
-def test_the_command_range_of_a_model_follows_its_records() -> None:
-    limited = Model("bingham", {**BINGHAM.parameters, "command_min": 0.2, "command_max": 1.0})
-    wide = widened(limited, [record(0.0), record(1.4)])
-    assert (wide.parameters["command_min"], wide.parameters["command_max"]) == (0.0, 1.4)
-    assert widened(BINGHAM, [record(1.4)]) is BINGHAM

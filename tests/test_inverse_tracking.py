@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from command_call import caller
 from excitation import Array
@@ -22,7 +21,6 @@ from mrdamp.inverse.rig import Sizes, records_of, wanted_force
 from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, rms, track
 from mrdamp.model import Effect, Model
 from mrdamp.narx.data import Series
-from mrdamp.pictures.damper import force_tracking
 from refusals import refuses
 
 BINGHAM = {"c0a": 400.0, "c0b": 150.0, "fya": 50.0, "fyb": 600.0, "v_ref": 0.01, "command_min": 0.0,
@@ -211,49 +209,3 @@ def test_bad_input_of_the_command(arguments: list[str], named: str, tmp_path: Pa
     out = tmp_path / "out"
     refuses(lambda: run("inverse", tmp_path / "model.json", *arguments, "-o", out), named)
     assert not out.exists()
-
-
-def test_bad_input_of_the_network(tmp_path: Path) -> None:
-    s = made(0, 400)
-    held = Series("held", s.sample_time, s.x, s.v, np.full(400, 0.5), s.force)
-    refuses(lambda: train_inverse([held], [s]), "never varies")
-    refuses(lambda: train_inverse([s], []), "choose by")
-    (tmp_path / "net.json").write_text('{"inverse": "law"}')
-    refuses(lambda: NetworkInverse.read(tmp_path / "net.json"), "no network inverse")
-    refuses(lambda: track(MODEL, MOTION, np.zeros(10), Fixed(0.0, 7.3e-4)), "multiples")
-
-
-TIME = np.arange(4000, dtype=np.float64) * np.float64(1e-3)
-#: Loudest from 2 to 3 s.
-WANTED = np.where((TIME >= 2.0) & (TIME < 3.0), 3.0, 1.0) * 400.0 * np.sin(2 * np.pi * 4.0 * TIME)
-STEPS = np.where(np.floor(8 * TIME) % 2 == 0, 0.0, 1.5)
-
-
-def a_track(name: str, error: float, scale: float = 1.0, command: Array = STEPS) -> Track:
-    still = np.zeros_like(TIME)
-    return Track(name, TIME, scale * WANTED, scale * WANTED + error, command, still, still, start=0.0)
-
-
-def lines(fig: Figure) -> list[list[Array]]:
-    return [[np.asarray(line.get_xydata()) for line in ax.lines] for ax in fig.axes]
-
-
-def test_each_run_stands_over_its_command_in_the_loudest_part() -> None:
-    fig = force_tracking([a_track("first", 30.0), a_track("second", -60.0)], "V", seconds=1.0)
-    panels = lines(fig)
-    assert len(panels) == 4
-    for k, error in ((0, 30.0), (2, -60.0)):
-        wanted, true = panels[k]
-        assert (wanted[0, 0], wanted[-1, 0]) == pytest.approx((2.0, 3.0), abs=0.003)
-        np.testing.assert_allclose(wanted[:, 1], np.interp(wanted[:, 0], TIME, WANTED))
-        np.testing.assert_allclose(true[:, 1] - wanted[:, 1], error)
-        assert fig.axes[k].get_ylabel() == "force, N"
-        assert fig.axes[k + 1].get_ylabel() == "V"
-        (command,) = panels[k + 1]
-        assert set(command[:, 1]) == {0.0, 1.5}
-        # It is held: drawn as steps, with its corners where it changes.
-        assert fig.axes[k + 1].lines[0].get_drawstyle() == "steps-post"
-        np.testing.assert_allclose(np.diff(command[1:-1, 0]), 0.125, atol=1e-9)
-    share = 100 * 30.0 / float(np.sqrt(np.mean(WANTED**2)))
-    assert fig.axes[0].get_title("left") == "first"
-    assert fig.axes[0].get_title("right") == f"RMS error {share:.1f} %"
