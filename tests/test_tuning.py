@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,15 +14,13 @@ from numpy.typing import NDArray
 from excitation import Array
 from mrdamp.compare import tuning
 from mrdamp.compare.bench import UNCONTROLLED, Ranges, score
-from mrdamp.compare.car import CarBench
 from mrdamp.compare.contenders import shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
-from mrdamp.compare.linear import CableBench
 from mrdamp.control.base import Controller
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.observe import Observer
-from mrdamp.envs.loads import AmbientLoads, CableLoad
+from mrdamp.envs.loads import AmbientLoads
 from mrdamp.envs.plants import Chained
 from mrdamp.envs.task import Task, episodes
 from mrdamp.envs.training_loads import TrainingRoads, some_motions
@@ -44,7 +41,6 @@ KINDS = [
 
 
 def in_mujoco(spec: str, loads: list[GroundMotion], of: FrameBench = BENCH) -> float:
-    """The mean objective of runs one by one, in the engine."""
     bench = replace(of, compression=1.0)
     without = [bench.run(UNCONTROLLED, load, 1.0) for load in loads]
     rows = [bench.values(bench.run(spec, m, 1.0), free) for m, free in zip(loads, without, strict=True)]
@@ -109,8 +105,6 @@ def test_the_search_finds_a_known_least_and_leaves_out_what_cannot_be_made(monke
 
 @pytest.mark.parametrize("best", [0.0, 2.25])
 def test_a_best_constant_may_be_an_end_of_the_range(monkeypatch: pytest.MonkeyPatch, best: float) -> None:
-    """Of a score that falls or rises throughout the range."""
-
     class Slope(Valley):
         def scores(self, controllers: list[Controller]) -> list[float]:
             self.periods += len(controllers)
@@ -122,41 +116,8 @@ def test_a_best_constant_may_be_an_end_of_the_range(monkeypatch: pytest.MonkeyPa
     assert (found.spec, found.score) == (f"constant:value={best:g}", 1.0)
 
 
-@pytest.mark.parametrize("bench", [CableBench(), CarBench()], ids=["cable", "car"])
-def test_every_kind_of_other_plants_runs_as_rows(bench: CableBench | CarBench) -> None:
-    """Rows of the same load agree with one another, and with a single one of them."""
-    long = bench.tuning_loads()[0]
-    part = {"force": long.force[:60]} if isinstance(long, CableLoad) else {"height": long.height[:200]}
-    load = replace(long, **part)
-    for kind in {"constant:value=0.05" if kind == "constant" else kind for kind in bench.tuned.values()}:
-        (one,) = tuning.Loops(bench, [load], 1).scores([bench.controller(kind)])
-        two = tuning.Loops(bench, [load, load], 1).scores([bench.controller(kind)])
-        assert two == pytest.approx([one], rel=1e-9), kind
-
-
-def test_only_what_is_compared_is_tuned_and_the_file_keeps_the_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tuned: list[str] = []
-
-    def run(search: tuning.Search) -> tuning.Setting:
-        tuned.append(search.kind)
-        return tuning.Setting(f"{search.kind}:value=1", 0.5)
-
-    monkeypatch.setattr(tuning.Search, "run", run)
-    file = tmp_path / "tuned.json"
-    one = tuning.settings_for(BENCH, ["passive-on", "mine=best-constant"], anew=True, file=file)
-    assert (list(one), tuned) == (["best-constant"], ["constant"])
-    both = tuning.settings_for(BENCH, ["skyhook-tuned"], anew=True, file=file)
-    assert tuned == ["constant", "skyhook"]
-    assert sorted(both) == ["best-constant", "skyhook-tuned"]
-    assert sorted(tuning.read_settings(file, BENCH) or {}) == sorted(both)
-
-
 FRAME, CABLE, CAR = "mrdamp/Frame-v0", "mrdamp/Cable-v0", "mrdamp/QuarterCar-v0"
 def policyish(task: Task, largest: float) -> Act:
-    """Half the command where the force resists the first measurement, else none."""
-
     def act(seen: NDArray[np.float32]) -> Array:
         return np.where(forces(task, seen) * seen[:, 0] > 0, 0.5 * largest, 0.0)
 
