@@ -11,10 +11,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from modules import STUDIES, loaded  # noqa: E402
 from mrdamp.compare.contenders import shipped_policies  # noqa: E402
 from mrdamp.control.policy import Policy  # noqa: E402
-from mrdamp.errors import InputError  # noqa: E402
 from mrdamp.train.adjoint import AdjointRun  # noqa: E402
 from mrdamp.train.settings import Options, settings  # noqa: E402
 from refusals import refuses  # noqa: E402
@@ -42,10 +40,8 @@ def run(tmp_path_factory: pytest.TempPathFactory, few_validation_motions: None) 
 
 
 def test_the_adjoint_is_the_difference_of_whole_closed_loops(run: AdjointRun) -> None:
-    """A command pushed at one period, the loop closed afterwards by a smooth law: the value changes as the sweep says.
-
-    The law feeds back every signal, the leaky peak and every state of the filter.
-    """
+    """A command pushed at one period, the loop closed afterwards by a smooth law: the value changes as the sweep
+    says. The law feeds back every signal, the leaky peak and every state of the filter."""
     loads = run.world.structure.some(np.random.default_rng(4), 2)
     rng = np.random.default_rng(0)
     gains = 0.02 * rng.standard_normal(run.task.observer.size)
@@ -79,7 +75,6 @@ def test_the_adjoint_is_the_difference_of_whole_closed_loops(run: AdjointRun) ->
 
 
 def observations(size: int) -> Any:
-    """(300, size)."""
     return np.random.default_rng(0).normal(0, 0.3, (300, size)).astype(np.float32)
 
 
@@ -130,31 +125,6 @@ def test_a_training_begins_at_a_linear_policy(tmp_path: Path, folder: bool) -> N
     assert theirs.std() > 0.3
 
 
-@pytest.mark.slow
-def test_a_training_goes_on_from_another_with_more_filters(tmp_path: Path) -> None:
-    """Their states count for nothing at first, and are learned from then."""
-    first = made(tmp_path / "one")
-    first.step()
-    folder = tmp_path / "first" / "seed_0"
-    folder.mkdir(parents=True)
-    first.policy().write(folder / "policy.json")
-    known: Any = settings(options()).ground
-    more = "{frequency: 100, damping: 0.5, noise_ratio: 1.0e+7, precision: 8.0e-4}"
-    text = ", ".join(f"{name}: {value!r}" for name, value in known.items())
-    own = made(tmp_path / "two", f"start={tmp_path / 'first'}", f"ground=[{{{text}}}, {more}]")
-    before, size = first.task.observer.size, own.task.observer.size
-    assert size == before + 8
-    o = observations(size)
-    np.testing.assert_allclose(own.soft.commands(o), first.soft.commands(o[:, :before]), atol=2e-4)
-    own.step()
-    other = o.copy()
-    other[:, before:] = 0.0
-    assert np.abs(own.soft.commands(o) - own.soft.commands(other)).max() > 1e-3
-    refuses(lambda: made(tmp_path / "three", f"start={tmp_path / 'first'}", "policy_kwargs.net_arch=[5]"), "net_arch")
-    with pytest.raises(InputError, match="whose observations these begin with"):
-        made(tmp_path / "four", f"start={tmp_path / 'first'}", "ground.frequency=40")
-
-
 def test_what_is_exported_is_what_was_trained(run: AdjointRun, tmp_path: Path) -> None:
     policy = run.policy()
     policy.write(tmp_path / "policy.json")
@@ -186,35 +156,13 @@ def test_a_training_that_was_stopped_goes_on_to_the_last_bit(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("loads=0", "loads 1 or more"),
         ("start=nobody", "a shipped set"),
         ("start=ppo", "no linear policy"),
-        ("momentum=1", "'momentum' is unknown"),
         ("policy_kwargs.net_arch=[]", "sizes of hidden layers"),
-        ("policy_kwargs.net_arch=[4,0]", "sizes of hidden layers"),
         ("ground={frequency: 50}", "allowed: numbers frequency, damping, noise_ratio, precision"),
-        ("ground.damping=0", "ground filter: damping"),
         ("teacher=", "a teacher"),
-        ("switch=true", "viscous and switch"),
         ("env_kwargs.history=2", "history"),
     ],
 )
 def test_settings_that_it_does_not_know_are_refused(tmp_path: Path, override: str, said: str) -> None:
     refuses(lambda: made(tmp_path, override), said)
-
-
-def test_what_is_known_ahead_is_the_motion_so_much_later(run: AdjointRun) -> None:
-    """And the sweep leaves it out: no command changes the ground."""
-    study = loaded(STUDIES / "forecast_study.py")
-    loop, size = study.Foreseeing(run.world, 2, (0.0, 0.02)), run.task.observer.size
-    loads = run.world.structure.some(np.random.default_rng(1), 2)
-    seen = loop.run(loads, lambda o: run.soft.commands(o[:, :size]), 0.0, np.random.default_rng(0))
-    now, later = seen.observations[:, :, size], seen.observations[:, :, size + 1]
-    later_by_ten = np.concatenate([now[10:], np.zeros((10, 2))])
-    np.testing.assert_allclose(later[:-10], later_by_ten[:-10], atol=1e-4)
-    assert np.abs(now).max() == pytest.approx(max(m.pga for m in loads), rel=0.05)
-    by_channel = run.value(seen)[1]
-    slopes = np.ones(seen.observations.shape)
-    known = loop.adjoint(seen, by_channel, slopes)
-    slopes[:, :, size:] = 1e3
-    np.testing.assert_array_equal(loop.adjoint(seen, by_channel, slopes), known)
