@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +10,9 @@ import pytest
 from bingham_rig import force, model
 from laboratory import TRUE, rig_tests
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, LAW, NUMBER
+from mrdamp.diagnosis.constants import EVIDENCE_GAIN, NUMBER
 from mrdamp.diagnosis.evidence.established import softmax
 from mrdamp.diagnosis.evidence.judgement import scored
-from mrdamp.diagnosis.evidence.penalties import gone, of_damper, unreferenced
 from mrdamp.diagnosis.evidence.structure_numbers import deviations
 from mrdamp.diagnosis.evidence.verdict import by_causes, decide, of_fit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
@@ -53,13 +51,6 @@ def test_every_effect_and_rival_has_starts_within_its_ranges_and_a_rival_has_wor
                 assert c.low <= c.start <= c.high, (term.name, c.name)
     every = damper_terms(Sizes(800.0, 0.01, 0.1, 2.0, 2.0, 300.0, 0.001))
     assert {t.cause for t in terms} == {t.cause for t in every}
-
-
-def test_resonances_beyond_what_is_sampled_are_left_out() -> None:
-    names = [
-        {t.name for t in damper_terms(Sizes(800.0, 0.01, 0.1, 2.0, 2.0, 300.0, dt))} for dt in (0.001, 0.01)
-    ]
-    assert names[0] - names[1] == {"moving_mass:in two clamps"}
 
 
 @pytest.mark.parametrize(("power", "other"), [(0.5, False), (0.64, False), (0.95, True)])
@@ -130,9 +121,7 @@ def test_what_all_masses_and_stiffnesses_share_is_no_deviation(shared: float) ->
     np.testing.assert_allclose(found.values, expected, atol=1e-12)
 
 
-# --- causes that end where they are another one -----------------------------------------------------------
 def rig_with(*others: str) -> DamperRig:
-    """A damper with other channels that read the force beside the force sensor."""
     t = 0.002 * np.arange(1000)
     x, force = 0.01 * np.sin(2 * np.pi * 2 * t), 500 * np.cos(2 * np.pi * 2 * t)
     channels = {
@@ -176,7 +165,6 @@ def test_forms_of_a_cause_share_its_prior(terms: dict[str, Term]) -> None:
 
 @pytest.mark.parametrize(("least", "cause"), [(True, "mount_compliance"), (False, "backlash")])
 def test_a_clearance_that_is_none_is_a_spring(terms: dict[str, Term], least: bool, cause: str) -> None:
-    """The least gap that is tried leaves a mount with stiffness; a fit there is no evidence of a clearance."""
     backlash, mount = terms["backlash"], terms["mount_compliance"]
     point = Hypothesis((), (backlash,)).start()
     if least:
@@ -208,52 +196,6 @@ def test_a_soft_mount_with_a_hard_stop_is_a_clearance(
     assert chosen(made(terms["backlash"], 0.0110), made(term, 0.0101, point)) == (cause,)
 
 
-@pytest.mark.parametrize(
-    ("form", "least", "is_gone"),
-    [
-        ("", (), False),
-        ("", ("driver_lag_tau",), False),  # the other pole is a lag
-        ("", ("driver_lag_tau", "driver_lag_tau2"), True),
-        ("falling apart", ("driver_lag_tau",), True),
-        ("falling apart", ("driver_lag_fall",), False),  # rising late, falling at once
-    ],
-)
-def test_a_lag_without_its_times_is_none(
-    terms: dict[str, Term], form: str, least: tuple[str, ...], is_gone: bool
-) -> None:
-    term = terms[f"driver_lag:{form}" if form else "driver_lag"]
-    hypothesis = Hypothesis((), (term,))
-    point, low = hypothesis.start(), hypothesis.bounds()[0]
-    for k, c in enumerate(hypothesis.coordinates):
-        if c.name in least:
-            point[k] = low[k]
-    assert gone(made(term, 0.01, point)) == is_gone
-
-
-@pytest.mark.parametrize("channels", [(), ("reference_force_N",)])
-def test_a_gain_without_a_reference_adds_nothing_to_free_numbers_of_the_law(
-    terms: dict[str, Term], channels: tuple[str, ...]
-) -> None:
-    """A gain is a common factor of the law's coefficients: beside fixed ones it is a cause, beside free ones none."""
-    rig = rig_with(*channels)
-    gain, mass = terms["sensor_gain"], terms["moving_mass"]
-    held = made(gain, 0.0101)
-    free = replace(held, hypothesis=Hypothesis(rig.nominal, (gain,)))
-    assert [of_damper(rig, f) for f in (held, free)] == [0.0, 0.0 if channels else CAUSE]
-    assert not unreferenced(rig, made(mass, 0.01))
-
-
-def test_hysteresis_beside_a_law_without_any_counts_as_another_law_unless_the_law_is_known(
-    terms: dict[str, Term],
-) -> None:
-    """Seal friction of presliding beside Bingham's law; a spring has no loop."""
-    rig = rig_with("reference_force_N")
-    seal, spring = (made(terms[n], 0.1) for n in ("seal_friction", "gas_spring"))
-    assert of_damper(rig, seal, unsure=True) == LAW
-    assert of_damper(rig, seal) == 0.0
-    assert of_damper(rig, spring, unsure=True) == 0.0
-
-
 def test_at_one_command_a_coefficient_is_known_as_a_whole_only() -> None:
     """The rig's yield force at 1 A is 50 + 400 N, the simulator's 50 + 300 N: 150 N at no command do as well."""
     records = tuple(rig_tests("bingham", chosen=(2, 5, 8), duration=2.0))
@@ -265,7 +207,6 @@ def test_at_one_command_a_coefficient_is_known_as_a_whole_only() -> None:
     assert set(found.intervals) == {"fya", "c0a", "v_ref"}
 
 
-# --- a controller's clock in a delay, read off what a plain delay leaves ----------------------------------
 DT, NOISE = 2e-3, 3.0
 TIME: Array = DT * np.arange(3000, dtype=np.float64)
 DELAY, PERIOD, PHASE = 0.021, 0.0137, 0.4

@@ -22,7 +22,6 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.next_test import Pair, Steps, next_test
 from mrdamp.model.core import Array
 from mrdamp.records import Record
-from toy_rig import search_of, toy
 
 DAMPER = Envelope("displacement_m", 0.01, 0.12, 0.3, 10.0, 0.2, 1.4, 0.002)
 FRAME = Envelope("ground_acceleration_m_s2", 3.0, None, 0.8, 16.0, 0.0, 1.0, 0.002)
@@ -103,7 +102,6 @@ def sines(commands: tuple[float, ...]) -> DamperRig:
 
 
 def proposed(*hidden: str) -> tuple[dict[str, Any], dict[str, Array] | None]:
-    """After sines at two constant commands, which cannot show these effects."""
     search = Search(Problem(sines((0.2, 1.0)), coarse=True), 1e-3, Limits())
     fits, decision = judge(search)
     unseen = [{"effect": name} for name in hidden]
@@ -121,19 +119,6 @@ def test_constant_commands_are_answered_with_one_that_changes() -> None:
 
 def test_a_sensor_gain_that_the_law_can_make_itself_is_told_as_beyond_any_test() -> None:
     assert "no test within these limits separates sensor_gain" in proposed("sensor_gain")[0]["why"]
-
-
-def test_ties_are_what_the_test_is_for() -> None:
-    search = search_of(toy({"cubic": 0.4, "sign": 0.3}))
-    search.run()
-    fits, decision = judge(search)
-    single = search.smallest(False, ["cubic"])
-    assert single is not None
-    ties = (("cubic", "sign"), ("cubic", "parameters"))
-    test, made = next_test(search, single, fits, decision, ties, (), np.array([0.02]))
-    assert made is not None
-    assert test["why"].startswith("these records leave cubic and sign tied")
-    assert [(s["one"], s["rival"]) for s in test["separates"]] == [("cubic", "sign"), ("cubic", "parameters")]
 
 
 @pytest.mark.slow
