@@ -6,17 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from bingham_rig import force, write_case
 from mrdamp import cli
 from mrdamp.diagnosis.case.folder import read_case
-from mrdamp.diagnosis.form import form_of
 from mrdamp.diagnosis.report.sentence import table
 from mrdamp.diagnosis.run import diagnose
-from mrdamp.identify import identify
 from mrdamp.model.core import Array
-from mrdamp.records import Record
 
 #: s, sample time; m, step of the encoder.
 DT, STEP = 0.004, 2e-5
@@ -64,35 +60,3 @@ def test_what_is_not_fitted_has_one_figure_on_the_records_and_on_the_baseline(tm
     said = f"{100 * now:.1f} % on these records and {100 * before:.1f} % on the baseline's"
     assert said in found.sentence
     assert table(found).count(f"{100 * now:.1f} %") >= 3
-
-
-def lagging(seed: int, amplitude: float, hz: float, level: float | None) -> Record:
-    """Six seconds of a damper whose viscosity bends, with a driver's lag of 30 ms and 40 N of friction; a level of None
-    stands for steps."""
-    rng = np.random.default_rng(seed)
-    t = DT * np.arange(1500)
-    x = amplitude * (np.sin(2 * np.pi * hz * t) + 0.2 * np.sin(2 * np.pi * 0.37 * hz * t + 1))
-    v = np.gradient(x, DT)
-    levels = rng.choice([0.0, 0.3, 0.6, 1.0], 24)
-    u = levels[(t / 0.25).astype(int)] if level is None else np.full(len(t), level)
-    left = np.exp(-DT / 0.03)
-    current = lfilter([1 - left], [1, -left], u, zi=[left * u[0]])[0]
-    made = (380 + 320 * current) * np.sign(v) * np.abs(v) ** 0.72 + (45 + 400 * current) * np.tanh(v / 0.01)
-    made += 40 * np.tanh(v / 0.0008) + rng.normal(0, 2, len(t))
-    return Record(f"r{seed}", None, DT, {"displacement_m": x, "command": u, "force_N": made})
-
-
-@pytest.mark.slow
-def test_every_effect_that_a_file_gains_is_told_with_its_numbers() -> None:
-    tests = [(0.01, 1.0, None), (0.006, 2.5, None), (0.01, 1.3, 0.0), (0.008, 1.5, 1.0), (0.012, 0.8, 0.5)]
-    records = [lagging(k, *test) for k, test in enumerate(tests)]
-    alone = identify("bingham", records, starts=1).model
-    form = form_of(alone, records)
-    added = {e.name: e.parameters for e in form.model.effects if e.name not in {own.name for own in alone.effects}}
-    assert set(added) == {"driver_lag", "seal_friction"}
-    assert 0 < form.beside["seal_friction"] < 0.9
-    told = "\n".join(form.lines())
-    for name, parameters in added.items():
-        (line,) = (line for line in form.lines() if line.startswith(f"  {name}: "))
-        assert all(f"{k} = {v:.4g}" in line for k, v in parameters.items())
-    assert f"it leaves {100 * form.beside['seal_friction']:.0f} % of that" in told

@@ -20,10 +20,8 @@ from mrdamp.diagnosis.constants import UNSTEADY
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import channel_noise, floors
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.result import Named
-from mrdamp.diagnosis.report.sentence import in_words
 from mrdamp.diagnosis.run import diagnose
-from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, damper_effects
+from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.smoothing import smoothed
@@ -83,16 +81,6 @@ def test_nominal_effects_stay_free_and_in_what_is_handed_over() -> None:
     }  # fmt: skip
 
 
-def test_a_nominal_effect_may_itself_have_changed() -> None:
-    """A mount of the simulator is a cause again: from a stiffer and a softer one."""
-    rig = DamperRig(model(Effect("mount_compliance", {"k": 4e5})), records())
-    (mount,) = (t for t in rig.terms if t.name == "mount_compliance")
-    soft, stiff = sorted(k for (k,) in mount.starts)
-    assert soft < 4e5 < stiff
-    made = rig.model(dict(zip((c.name for c in mount.coordinates), mount.starts[0], strict=True)))
-    assert [dict(e.parameters) for e in made.effects] == [{"k": mount.starts[0][0]}]
-
-
 def test_the_noise_of_a_record_is_its_own() -> None:
     """Of white noise that is a hundredth of each record's force the floor is a hundredth in each."""
     rng, noisy = np.random.default_rng(3), []
@@ -116,7 +104,6 @@ def sensed(read: Callable[[Array], Array]) -> tuple[Record, ...]:
 
 
 def lagging(cell: Array) -> Array:
-    """A first-order filter of 10 ms by bilinear transform."""
     a = 2 * 0.01 / DT
     return np.asarray(lfilter([1 / (1 + a), 1 / (1 + a)], [1, (1 - a) / (1 + a)], cell))
 
@@ -155,20 +142,6 @@ def test_a_sensor_fault_outside_the_catalogue_is_unknown_whatever_the_law_does()
     assert "reference_force_N and force_N differ by" in found.sentence
     assert found.corrected.parameters == one.model.parameters
     assert found.corrected.effects == one.model.effects
-
-
-@pytest.mark.slow
-def test_two_faults_of_the_sensor_are_named_together_whatever_the_law_does() -> None:
-    one = Case("rig", Path(), model(OWN), sensed(lambda cell: 1.2 * cell + 25.0), (), ())
-    rows = compared(one.records, DamperRig(one.model, one.records).terms, {})
-    assert {row.cause for row in rows} == {"sensor_gain", "sensor_offset"}
-    assert not any(row.unexplained for row in rows)
-    found = diagnose(one)
-    assert found.verdict == "effect"
-    assert {e.effect for e in found.effects} == {"sensor_gain", "sensor_offset"}
-    by_name = {e.effect: e.parameters for e in found.effects}
-    assert by_name["sensor_gain"]["g"] == pytest.approx(1.2, rel=0.01)
-    assert by_name["sensor_offset"]["f"] == pytest.approx(25.0, rel=0.15)
 
 
 def test_the_measured_current_is_compared_with_the_command() -> None:
@@ -250,20 +223,3 @@ def test_a_rig_that_is_as_its_baseline_has_no_gap() -> None:
     assert found.verdict == "none"
     assert "No change since the baseline shows" in found.sentence
     assert not any("there are no baseline records" in note for note in found.notes)
-
-
-def test_a_slew_limited_driver_is_told_by_its_rate() -> None:
-    named = Named("driver_lag", "driver", None, 0.9, {"tau": 0.001, "rate": 12.0}, 0.8)
-    assert "12 a second" in in_words(named)
-    assert "lags" in in_words(Named("driver_lag", "driver", None, 0.9, {"tau": 0.001}, 0.8))
-
-
-@pytest.mark.parametrize(("effect", "place"), [
-    *((name, None) for name in damper_effects()),
-    *((name, 1) for name in (*STRUCTURE_EFFECTS, *FLOOR_SENSOR_EFFECTS)),
-])  # fmt: skip
-def test_every_effect_is_told_in_words(effect: str, place: int | None) -> None:
-    stage = "sensor" if effect in FLOOR_SENSOR_EFFECTS else "structure"
-    words = in_words(Named(effect, stage, place, 0.9, {}, 0.8))
-    assert len(words.split()) > 2
-    assert ("accelerometer" in words) == (place is not None and stage == "sensor")
