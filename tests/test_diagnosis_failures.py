@@ -42,7 +42,6 @@ NONE = Limits(singles=0, forms=0, depth=1, polished=0)  # no effect is fitted
 
 
 def write(folder: Path, offset: float = 0.0, low_hz: float = 1.0, **changed: float) -> Path:
-    """Three tests and a repeat, at constant and at changing commands."""
     rng, t = np.random.default_rng(6), np.linspace(0, 1.398, 700)
     rows: dict[str, tuple[float, Array]] = {
         "1_low": (low_hz, np.full(700, 0.2)),
@@ -59,7 +58,6 @@ def write(folder: Path, offset: float = 0.0, low_hz: float = 1.0, **changed: flo
 
 
 def test_a_repeat_at_a_constant_command_belongs_to_the_test_with_that_command(tmp_path: Path) -> None:
-    """Two tests with one motion at two commands: the repeat is of the one with its command."""
     assert [k for _, k in read_case(write(tmp_path / "case", low_hz=2.2)).repeats] == [1]
 
 
@@ -74,7 +72,6 @@ def test_a_parameter_at_the_end_of_its_range_is_told(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["fyb", "c0b"])
 def test_a_number_may_be_further_off_than_its_range(tmp_path: Path, name: str) -> None:
-    """Where free numbers leave little else, those that stand at an end of their range go on."""
     found = diagnose(read_case(write(tmp_path / "case", **{name: 9 * LAW[name]})))
     assert found.verdict == "parameters"
     assert found.corrected.parameters[name] == pytest.approx(9 * LAW[name], rel=0.05)
@@ -190,27 +187,7 @@ def test_a_frames_channels_are_held_against_its_simulator(
     assert out.exists() == (failed == 0) == ("check" in told)
 
 
-def test_channels_that_a_case_leaves_out_are_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    both = records()
-    for name in ("off", "steps"):
-        above = {"floor4_acceleration_m_s2": both[name].channel("floor3_acceleration_m_s2")}
-        kept = {k: v for k, v in both[name].channels.items() if name == "steps" or k != "floor2_displacement_m"}
-        Record(name, None, DT, {**kept, **above}).save(tmp_path / f"{name}.csv")
-    believed().write(tmp_path / "frame.json")
-    call = ["case", "frame.json", "off.csv", "steps.csv", "-o", "made"]
-    assert cli.main([str(tmp_path / word) if "." in word or word == "made" else word for word in call]) == 0
-    said = [line for line in capsys.readouterr().out.splitlines() if line.endswith("left out")]
-    assert said == [
-        "check: floor2_displacement_m: not in all records; left out",
-        "check: floor4_acceleration_m_s2: the model has 3 storeys; left out",
-    ]
-
-
-# --- regimes beyond the baseline, and processing ----------------------------------------------------------
-
-
 def sine(amplitude: float, frequency: float, command: float) -> Record:
-    """Amplitude (m), frequency (Hz), constant command."""
     t = np.arange(4000) / 1000
     x = amplitude * np.sin(2 * np.pi * frequency * t)
     return Record("r", None, 1e-3, {"displacement_m": x, "command": np.full(len(t), command), "force_N": x})
@@ -223,9 +200,7 @@ BASELINE = (sine(0.005, 2.0, 0.0), sine(0.020, 1.0, 1.0))
     ("record", "told"),
     [
         (sine(0.010, 1.5, 0.5), ""),
-        (sine(0.003, 3.0, 0.0), ""),
         (sine(0.002, 4.0, 0.5), "amplitude 2 mm (baseline 5 to 20)"),
-        (sine(0.041, 0.5, 0.5), "amplitude 41 mm (baseline 5 to 20)"),
         # RMS speeds: 44.4 and 88.9 mm/s of the baseline, 11.1 and 200 of these.
         (sine(0.010, 0.25, 0.5), "RMS speed 11.1 mm/s (baseline 44.4 to 88.9)"),
         (sine(0.015, 3.0, 0.5), "RMS speed 200 mm/s (baseline 44.4 to 88.9)"),

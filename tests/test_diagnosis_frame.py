@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frame_case import DT, LAW, altered, believed, case_of, late, records, without
+from frame_case import DT, LAW, altered, believed, case_of, late, records
 from modules import CASES, needs
 from mrdamp.diagnosis.attribution.frame_blocks import blocks, place_shares
 from mrdamp.diagnosis.case.folder import Case, read_case
@@ -19,7 +19,6 @@ from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.noise import channel_noise, floors
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.page import page
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
 from mrdamp.simulation.predict import predict
@@ -75,17 +74,6 @@ def test_settings_with_a_place_reach_the_simulator() -> None:
     for row, name in zip(rig.simulate([settings], 0)[0], rig.channels, strict=True):
         np.testing.assert_array_equal(told[name], expected[name])
         assert np.std(row - expected[name]) < 5e-3 * np.std(expected[name]), name
-
-
-def test_clean_blocks_rule_causes_out() -> None:
-    case = case_of(believed(stiffness=(5.16e5, 8.0e5, 6.84e5)), records())
-    _, rig = reduced(case, blocks(case))
-    placed = {t.cause for t in rig.terms if t.place is not None}
-    assert placed == {
-        f"{e}@2" for e in ("storey_stiffness", "storey_damping", "joint_friction", "floor_mass")
-    }
-    assert {t.effect for t in rig.terms if t.place is None} >= {"driver_lag", "seal_friction", "moving_mass"}
-    assert not any(t.stage == "sensor" for t in rig.terms)
 
 
 def test_a_number_that_stands_out_is_told_as_an_effect() -> None:
@@ -148,7 +136,6 @@ def test_the_cause_is_named(
 
 @pytest.mark.slow
 def test_a_lag_beside_wrong_numbers_is_one_cause() -> None:
-    """Wrong numbers are freed before another cause is brought in for them."""
     wrong = {name: factor * LAW[name] for name, factor in {"alpha_b": 0.8, "c0a": 1.25, "alpha_a": 1.2}.items()}
     case = case_of(replace(believed(lag=False), parameters=LAW | wrong), records())
     answer = diagnose(case, limits=replace(LIMITS, singles=3))
@@ -198,45 +185,6 @@ def test_soil_that_sways_and_rocks_is_no_storey() -> None:
     assert parameters["rock_stiffness"] / parameters["rock_mass"] == pytest.approx(1.5e6 / 20, rel=0.1)
     assert found.where.stages["structure"] == 1
     assert "due to" not in found.sentence
-
-
-@pytest.mark.slow
-def test_a_frame_of_which_only_the_force_is_measured(tmp_path: Path) -> None:
-    floors = (f"floor{j}_{kind}" for j in (1, 2, 3) for kind in ("acceleration_m_s2", "displacement_m"))
-    case = case_of(believed(), without(records(), *floors))
-    found = diagnose(case)
-    assert (found.verdict, found.effects) == ("none", ())
-    page(found, case.model, case.records).write(tmp_path / "index.html")
-    text = (tmp_path / "index.html").read_text()
-    assert "Where in the chain" not in text, "there is no gap that could lie anywhere"
-
-
-@pytest.mark.slow
-def test_a_right_simulator_is_right_without_a_repeat_too() -> None:
-    case = replace(case_of(believed(), records()), repeats=())
-    found = diagnose(case)
-    assert (found.verdict, found.effects) == ("none", ())
-    assert not any("does not repeat" in note for note in found.notes)
-
-
-def test_only_sensors_that_there_are_can_be_at_fault() -> None:
-    """Without accelerometer 2 and the force sensor; an accelerometer is ruled out by a balance that is sharp alone."""
-
-    none = frozenset[str]()
-
-    def sensors(left_out: tuple[str, ...] = (), clean: frozenset[str] = none, sharp: frozenset[str] = none) -> set[str]:
-        rig = FrameRig(believed(), (without(records(), *left_out)["steps"],), 1, clean, sharp)
-        return {t.cause for t in rig.terms if t.stage == "sensor"}
-
-    faults = ("gain", "offset", "leakage", "lag")
-    every = {f"sensor_{fault}{place}" for fault in faults for place in ("", "@1", "@2", "@3")}
-    assert sensors() >= every
-    few = sensors(("floor2_acceleration_m_s2", "force_N"))
-    assert few & every == {cause for cause in every if cause[-2:] in ("@1", "@3")}
-    blind = frozenset({"accelerometer 3", "storey 1"})
-    assert sensors(clean=blind) >= every
-    known = {f"sensor_{fault}{place}" for fault in faults for place in ("", "@3")}
-    assert every - sensors(clean=blind, sharp=blind) == known
 
 
 def test_the_noise_of_a_frames_record_is_its_own() -> None:

@@ -16,14 +16,13 @@ from mrdamp.diagnosis import frame_run
 from mrdamp.diagnosis.attribution import baseline_law as module
 from mrdamp.diagnosis.attribution.frame_blocks import blocks
 from mrdamp.diagnosis.attribution.frame_damper import damper_alone
-from mrdamp.diagnosis.attribution.frame_laws import law_handed_over, other_law
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
 from mrdamp.diagnosis.evidence.changed import since_baseline
 from mrdamp.diagnosis.evidence.judgement import likely, scored
 from mrdamp.diagnosis.evidence.verdict import Decision
-from mrdamp.diagnosis.fits.final import final_fit, predicted_gap
+from mrdamp.diagnosis.fits.final import predicted_gap
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
@@ -31,10 +30,9 @@ from mrdamp.diagnosis.frame_run import compared_without_law, reduced
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Sizes
 from mrdamp.diagnosis.problem.frame import FrameRig
-from mrdamp.diagnosis.problem.residuals import Problem, pooled
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.page import page
-from mrdamp.diagnosis.run import diagnose, searched
-from mrdamp.diagnosis.searched import silent
+from mrdamp.diagnosis.run import diagnose
 from mrdamp.identify import identify
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record
@@ -51,7 +49,6 @@ def compared(model: Model, found: dict[str, Record]) -> tuple[Compared, ...]:
 
 
 def clipping(found: dict[str, Record], floor: int) -> dict[str, Record]:
-    """The records with a floor's accelerometer clipped at half of its largest reading."""
     name = f"floor{floor}_acceleration_m_s2"
     most = 0.5 * max(float(np.abs(r.channel(name)).max()) for r in found.values())
     return altered(found, lambda a: np.clip(a, -most, most), name)
@@ -75,7 +72,6 @@ def test_an_accelerometer_and_the_displacements_are_told_apart() -> None:
 
 @pytest.mark.slow
 def test_numbers_of_the_structure_are_no_unknown_cause() -> None:
-    """Two stiffnesses and a mass that are off: no single effect, and nothing outside the catalogue."""
     believes = believed(True, stiffness=(4.5e5, 8.0e5, 6.84e5), mass=(98.3, 98.3, 110.0))
     (one,) = compared(believes, records())
     assert one.cause is None
@@ -85,7 +81,6 @@ def test_numbers_of_the_structure_are_no_unknown_cause() -> None:
 
 @pytest.mark.slow
 def test_a_fault_outside_the_catalogue_changes_no_simulator() -> None:
-    """A clipped accelerometer beside a damper whose law is off: neither is mended by something else."""
     clipped = clipping(records(), 3)
     model = believed(False)
     off = {k: 1.3 * v if k.startswith("alpha") else v for k, v in model.parameters.items()}
@@ -226,34 +221,3 @@ def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPa
     assert left < 0.5 * found.gap.nominal
     assert f"Another law ({found.other_law['law']})" in found.sentence
     assert found.sentence.endswith("it is handed over.")
-
-
-@pytest.mark.slow
-def test_a_law_is_handed_over_if_it_leaves_less_of_left_out_records() -> None:
-    found = searched(case(), 1, silent, None)
-    other = other_law(case(), found.search.problem, fitted(found.search.problem, "shear_thinning"))
-    assert other is not None
-    final = final_fit(found.search, found.search.ranked(False)[0], rig=found.rig)
-    own = final.problem
-    factors = 1.01, 0.6 * min(1.0, pooled(own.gaps(own.nominal())) / pooled(final.heldout))
-    more, less = (replace(other, left_out=factor * final.heldout) for factor in factors)
-    assert law_handed_over(more, final) is None
-    handed = law_handed_over(less, final)
-    assert handed is not None
-    assert handed.problem.rig.model({}).law == other.model.law
-    assert handed.heldout is less.left_out
-
-
-@pytest.mark.slow
-def test_only_causes_in_the_form_of_a_law_of_a_measured_damper_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(*_: object, **__: object) -> None:
-        raise AssertionError("identified")
-
-    monkeypatch.setattr(module, "identify", never)
-    assert other_law(case(), problem(), fitted(problem(), "seal_friction")) is None
-    for name in ("shear_thinning", "heating"):
-        with pytest.raises(AssertionError, match="identified"):
-            other_law(case(), problem(), fitted(problem(), name))
-    for missing in ("force_N", "floor1_displacement_m"):
-        some = case_of(case().model, without(records(), missing))
-        assert other_law(some, problem(), fitted(problem(), "shear_thinning")) is None
