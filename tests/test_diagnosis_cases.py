@@ -23,7 +23,6 @@ DAMPER = [f"open_{k:02d}" for k in range(1, 11)]
 
 
 def make_case(folder: Path, **changes: Any) -> Path:
-    """A small case of two tests and a repeat."""
     t, tests = 0.004 * np.arange(400), {}
     for name, hz in (("01", 1.0), ("02", 2.0), ("03_repeat", 1.0)):
         x = 0.01 * np.sin(2 * np.pi * hz * t)
@@ -55,20 +54,13 @@ def without_force(lines: list[str]) -> list[str]:
         (lambda folder: (folder / "case.json").unlink(), ("no case", "case.json")),
         (lambda folder: (folder / "case.json").write_text("{"), ("case.json", "no JSON")),
         (lambda folder: (folder / "02.csv").unlink(), ("02.csv", "no such record")),
-        (lambda folder: spoil(folder, lambda lines: lines[:3]), ("01.csv",)),
         (lambda folder: spoil(folder, lambda lines: [*lines[:9], *lines[14:]]), ("01.csv",)),
         (lambda folder: spoil(folder, with_nan), ("01.csv",)),
         (lambda folder: spoil(folder, without_force), ("01.csv", "force_N")),
         ({"sample_rate_hz": 500.0}, ("01.csv", "250", "500")),
-        ({"records": []}, ("case.json", "records")),
         ({"records": ["01.csv", "01.csv"]}, ("case.json", "twice")),
-        ({"records": ["../01.csv"]}, ("case.json", "../01.csv")),
         ({"records": ["03_repeat.csv"]}, ("case.json", "repeat")),
-        ({"channels": ["time_s", "displacement_m", "command"]}, ("case.json", "force_N")),
         ({"channels": ["time_s", "displacement_m", "command", "force"]}, ("case.json", "force")),
-        ({"nominal": {"law": "bingham", "parameters": {"c0a": 1.0}}}, ("case.json", "c0b")),
-        ({"rig": "shaker"}, ("case.json", "shaker")),
-        ({"baseline": "x"}, ("case.json", "must be a list")),
         ({"baseline": ["01.csv"]}, ("case.json", "or one of 'records'")),
         ({"baseline": ["no.csv"]}, ("no.csv", "no such")),
     ],
@@ -169,7 +161,6 @@ def test_one_worker_and_two_give_the_same_answer(name: str, tmp_path: Path) -> N
 
 
 def imported(file: Path) -> set[str]:
-    """Top names of what a file imports, anywhere in it."""
     nodes = list(ast.walk(ast.parse(file.read_text())))
     names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
     names += [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom) and not node.level]

@@ -33,7 +33,6 @@ def folder(tmp_path: Path) -> Path:
 
 
 def another(record: Path) -> str:
-    """The text of a record with another last digit."""
     text = record.read_text()
     return text[:-2] + ("1" if text[-2] != "1" else "2") + "\n"
 
@@ -166,7 +165,6 @@ def written(folder: Path, nominal: Model, records: list[Record]) -> Path:
 
 @pytest.fixture
 def case(tmp_path: Path) -> Path:
-    """Two seconds of each record without its load cell."""
     kept = ("displacement_m", "command", "force_N")
     records = [Record(r.name, None, r.sample_time, {n: r.channel(n) for n in kept}).part(0, 2) for r in HELD]
     return written(tmp_path / "case", BINGHAM, records)
@@ -226,21 +224,6 @@ def test_what_is_found_from_which_size_on(
     assert html.count("<svg") == 2
 
 
-def test_an_interrupted_run_goes_on(case: Path, knowing: Knowing, capsys: pytest.CaptureFixture[str]) -> None:
-    out = case.parent / "out"
-    knowing.stop_at = 4
-    assert main(["sensitivity", str(case), "-o", str(out), *ASKED]) == 130
-    told = json.loads((out / "sensitivity.json").read_text())
-    assert not told["complete"]
-    assert len(told["trials"]) == 3
-    assert "3 trials done so far, at most 2 to come" in (out / "index.html").read_text()
-    knowing.calls, knowing.stop_at = 0, None
-    assert main(["sensitivity", str(case), "-o", str(out), *ASKED]) == 0
-    assert knowing.calls == 2
-    assert json.loads((out / "sensitivity.json").read_text())["complete"]
-    assert not list((out / "runs").glob(".*"))  # no diagnosis left its own store behind
-
-
 def test_results_of_other_records_are_void(case: Path, knowing: Knowing) -> None:
     out = case.parent / "out"
     words = ["sensitivity", str(case), "-o", str(out), "--effects", "sensor_gain", "--sizes", "0.3"]
@@ -271,32 +254,6 @@ def test_the_effect_has_the_size_that_was_asked_for(case: Path) -> None:
         assert again[1] == made[1]
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--effects", "rust"], "--effects: 'rust' is unknown; allowed: driver_lag"),
-        (["--sizes", "0"], "--sizes: 0; allowed: more than 0"),
-        (["--sizes", "3"], "--sizes: 3; allowed: more than 0"),
-        (["--jobs", "0"], "--jobs must be at least 1"),
-    ],
-)
-def test_bad_input_is_one_line(
-    case: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = case.parent / "out"
-    assert main(["sensitivity", str(case), "-o", str(out), *words]) == 2
-    err = capsys.readouterr().err
-    assert message in err
-    assert err.count("\n") == 1
-    assert not out.exists()
-
-
-def test_a_frame_is_refused() -> None:
-    frame = SimpleNamespace(model=SimpleNamespace(rig="frame"), folder=Path("frame"), records=())
-    with pytest.raises(Exception, match="rig frame"):
-        Study.of(frame)  # type: ignore[arg-type]
-
-
 def answers(*rows: tuple[str, float, str, tuple[str, ...]]) -> list[Answer]:
     return [Answer(effect, size, True, {"p": size}, verdict, named) for effect, size, verdict, named in rows]
 
@@ -318,14 +275,6 @@ def test_only_what_larger_sizes_confirm_counts_as_named() -> None:
     assert by_name["backlash"].outcomes == {0.1: "none"}  # what the rig has anyway is no answer
     assert by_name["channel_shift"].outcomes == {0.1: "already"}
     assert by_name["channel_shift"].named_from is None
-
-
-def test_a_tie_of_two_is_unsure_and_of_many_is_wrong() -> None:
-    for tied, outcome in (((), "unsure"), (("backlash", "heating"), "wrong")):
-        ties = (("asymmetry", "gas_spring", *tied),)
-        one = Answer("gas_spring", 0.1, True, {}, "effect", ("asymmetry",), ties)
-        assert summary.outcome(one, ()) == outcome
-    assert summary.outcome(Answer("gas_spring", 0.9, reached=False), ()) == "out of reach"
 
 
 @pytest.mark.slow
