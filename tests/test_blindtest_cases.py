@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,17 +12,15 @@ import pytest
 from scipy.special import jn_zeros
 
 from modules import STUDIES, WITHOUT_PHYSICS, package_modules
-from mrdamp.model import Model, core, damper_effects
+from mrdamp.model import Model
 from mrdamp.records import read_record
 from record_tables import channels_by_test
-from rig_paths import DASHPOT, PLAIN, YIELD, at, clock, held, on_the_way
+from rig_paths import DASHPOT, YIELD, at, clock, held, on_the_way
 from studies.blindtest import (
     bench,
-    case_sampling,
     causes,
     commissioning,
     dampers,
-    frame_causes,
     misfit_case,
     rig,
     run,
@@ -40,13 +37,11 @@ Made = tuple[Path, Path, dict[str, Any]]
 
 
 def made(folder: Path, rig: str, label: str, seed: int, *, misfit: bool = False) -> Made:
-    """Case folder, file of its tests, label."""
     task = Task("case_001", rig, label, misfit=misfit)
     told = make_one(task, folder / "cases", folder / "tests", np.random.SeedSequence(seed))
     return folder / "cases" / "case_001", folder / "tests" / "case_001.npz", told
 
 
-# --- one case of the simulator's law -------------------------------------------------------------------
 @pytest.mark.slow
 def test_damper_case_without_a_gap(tmp_path: Path) -> None:
     case, tests, label = made(tmp_path, "damper", "none", 3)
@@ -83,21 +78,6 @@ def test_frame_case(tmp_path: Path) -> None:
     assert np.array_equal(ground[0], ground[1])
 
 
-@pytest.mark.slow
-def test_wrong_numbers_are_wrong_and_the_form_is_right(tmp_path: Path) -> None:
-    case, tests, label = made(tmp_path, "damper", "parameters", 5)
-    nominal, true = Model.read(case), label["true_parameters"]
-    wrong = [name for name, value in true.items() if nominal.parameters[name] != value]
-    assert 3 <= len(wrong) < len(true)
-    for channels in channels_by_test(tests).values():
-        for parameters, low, high in ((nominal.parameters, 0.02, 1.0), (true, 0.0, 0.01)):
-            # The rig begins every motion at rest: no run-in.
-            x, u = channels["displacement_m"], channels["command"]
-            force = core.run(nominal.law, parameters, 0.002, x, u=u)["force"]
-            assert low < relative(force, channels["force_N"]) < high
-
-
-# --- one case of another law ----------------------------------------------------------------------------
 @pytest.fixture(scope="module")
 def gained(tmp_path_factory: pytest.TempPathFactory) -> Made:
     with pytest.MonkeyPatch.context() as patch:
@@ -144,33 +124,6 @@ def test_effect_is_in_the_records_and_not_in_the_baseline(gained: Made) -> None:
         assert gain == pytest.approx(0.0 if name in told["baseline"] else wanted, rel=0.2, abs=0.01)
 
 
-# --- what there is to draw ------------------------------------------------------------------------------
-
-
-def test_sampling_of_cases() -> None:
-    """A quarter frames; every effect of the catalogue; pairs of different stages; both groups of unknown causes."""
-    assert set(causes.EFFECTS) <= set(damper_effects())
-    tasks = case_sampling.draw(np.random.SeedSequence(4), 200)
-    assert len({task.name for task in tasks}) == len(tasks) == 200
-    assert Counter(task.rig for task in tasks) == {"damper": 150, "frame": 50}
-    labels = Counter(part for task in tasks if task.rig == "damper" for part in task.parts)
-    assert min(labels[name] for name in causes.EFFECTS) >= 4
-    pairs = [task.parts for task in tasks if len(task.parts) == 2]
-    assert len(pairs) == 32
-    assert all(
-        causes.EFFECTS[a][0] != causes.EFFECTS[b][0] for a, b in pairs if {a, b} <= causes.EFFECTS.keys()
-    )
-    assert {task.label for task in tasks if not task.parts} == {"none", "parameters"}
-    for kind, groups in (("damper", unknown.GROUPS), ("frame", frame_causes.GROUPS)):
-        drawn = [task.label.removeprefix("~") for task in tasks if task.outside and task.rig == kind]
-        first, second = (sum(name in group for name in drawn) for group in groups)
-        assert first + second == len(drawn)
-        assert abs(first - second) <= 1
-    assert case_sampling.draw(np.random.SeedSequence(4), 200) == tasks
-    assert case_sampling.draw(np.random.SeedSequence(5), 200) != tasks
-
-
-# --- apart -------------------------------------------------------------------------------------------
 def test_rig_shares_no_code_with_the_plugin() -> None:
     names = sorted(path.stem for path in (STUDIES / "blindtest").glob("*_forms.py"))
     names += "rig bench causes unknown frame_causes damper_case frame_case dampers case_sampling recorder make".split()
@@ -181,11 +134,9 @@ def test_rig_shares_no_code_with_the_plugin() -> None:
     assert included == {"#include <math.h>", "#include <string.h>"}
 
 
-# --- effects in time, by closed forms ---------------------------------------------------------------------
 Numbers = Mapping[str, float]
 
 
-# --- driver and magnetics ----------------------------------------------------------------------
 def two_poles(s: Array, tau: float, tau2: float) -> Array:
     return (tau * np.exp(-s / tau) - tau2 * np.exp(-s / tau2)) / (tau - tau2)
 
@@ -257,7 +208,6 @@ def test_field_is_higher_on_the_way_down(numbers: Numbers, width: float) -> None
     assert field[at(1.5)] - field[at(0.5)] == pytest.approx(width, rel=0.05)
 
 
-# --- fluid ---------------------------------------------------------------------------------------
 LOST = {**YIELD, "gas_sign": 1.0, "gas_loss": 0.8}
 
 
@@ -279,7 +229,6 @@ def test_gas_takes_force_at_the_start_of_one_stroke(
     assert on_the_way(numbers, 0.005)[0] == pytest.approx(100.0, rel=0.07)
 
 
-# --- all of them -----------------------------------------------------------------------------------------
 DEVICE = dampers.draw(np.random.default_rng(1), mounted=True)
 SCALE = Scale(500.0, 40.0, 0.005, 1.0, DEVICE.machine.command, DEVICE.piston(500.0))
 FORMS = {f"{name} {k}": form for name, (_, forms) in causes.EFFECTS.items() for k, form in enumerate(forms)}
@@ -307,17 +256,3 @@ def test_half_the_step_changes_nothing(name: str, monkeypatch: pytest.MonkeyPatc
     assert np.sqrt(np.mean((force - fine) ** 2) / np.mean(fine**2)) < 2e-3
     last = slice(len(x) // 2, None)
     assert np.trapezoid(force[last], x[last]) > 0
-
-
-@pytest.mark.parametrize("name", [n for n in frame_causes.UNKNOWN if n not in unknown.DAMPER])
-def test_frames_stay_whole(name: str) -> None:
-    """The strongest of each kind leaves a frame's accelerations finite and of an earthquake's order."""
-    acc = (1.7, 2.0, 2.3)
-    scale = frame_causes.FrameScale(
-        SCALE, (1e-3, 6e-4, 3e-4), (0.025, 0.016, 0.012), acc, (4e5,) * 3, (50.0,) * 3, (100.0,) * 3
-    )
-    sized = frame_causes.UNKNOWN[name][1](np.random.default_rng(2), scale, 2)(1.0)
-    truth = Truth(DEVICE.numbers, {}, False, [PLAIN] * 3).having(sized)
-    t = clock(2.0)
-    out = rig.run_frame(truth.numbers, truth.storeys, (0, 1), 3 * np.sin(2 * np.pi * 3 * t), 0 * t)
-    assert all(np.abs(out[f"acceleration{j}"]).max() < 80 for j in (1, 2, 3))
