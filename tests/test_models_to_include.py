@@ -16,7 +16,6 @@ from excitation import Array
 from mrdamp import models_xml, sets
 from mrdamp.cli import main
 from mrdamp.library import library_path
-from refusals import refuses
 
 ROOT = Path(__file__).parents[1]
 CORNERS = ("fl_", "fr_", "rl_", "rr_")
@@ -60,10 +59,6 @@ def test_a_set_is_a_file_to_include(id: str, tmp_path: Path, capsys: pytest.Capt
     assert mujoco.MjData(spec.compile()).time == 0.0
 
 
-def test_a_set_that_is_none_is_told() -> None:
-    refuses(lambda: models_xml.damper("nobody"), "no such set")
-
-
 def test_other_ports_of_the_engine_do_not_take_it_for_a_motor() -> None:
     """MJX refuses biases that it does not know; else the damper would be a motor, its force the command."""
     model = mujoco.MjModel.from_xml_path(str(models_xml.path("quarter_car")))
@@ -97,14 +92,6 @@ def test_the_c_example_steps_as_python_does(tmp_path: Path) -> None:
     assert nothing.returncode == 1
 
 
-def test_the_header_of_the_c_interface_ships(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plugin-path", "--include"]) == 0
-    header = Path(capsys.readouterr().out.strip()) / "mrdamp.h"
-    assert header.read_text(encoding="utf-8") == (ROOT / "plugin_cpp" / "mrdamp.h").read_text(
-        encoding="utf-8"
-    )
-
-
 SOURCE = ROOT / "plugin_cpp"
 
 
@@ -129,7 +116,6 @@ def run(program: Path, *arguments: str, text: str = "") -> subprocess.CompletedP
 
 
 def table(program: Path, *arguments: str, text: str = "") -> Array:
-    """(n, 5) of t x v u F."""
     done = run(program, *arguments, text=text)
     assert (done.returncode, done.stderr) == (0, "")
     return np.array([[float(cell) for cell in line.split()] for line in done.stdout.splitlines()])
@@ -146,26 +132,3 @@ def test_bingham_from_standard_input_is_the_closed_form(program: Path) -> None:
     np.testing.assert_allclose(got[:, 1:4], rows, rtol=1e-8)
     force = (600 + 150 * u) * v + (40 + 300 * u) * np.tanh(v / 0.02)
     np.testing.assert_allclose(got[:, 4], force, rtol=1e-6, atol=1e-5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("arguments", "text", "named"),
-    [
-        (["dahl"], "", "dahl"),
-        (["bingham", "nonsense=1"], "", "nonsense"),
-        (["bingham", "c0a=1,5"], "", "1,5"),
-        (["bingham", "c0a=nan"], "", "nan"),
-        (["bingham", "c0a"], "", "name=value"),
-        (["bingham", "v_ref=-1"], "", "v_ref"),
-        (["-n", "0"], "", "usage"),
-        (["-i"], "0 0.1 1\n0 0.1\n", "line 2"),
-        (["-i"], "0 inf 1\n", "line 1"),
-    ],
-    ids=["law", "attribute", "comma", "nan", "no-equals", "range", "steps", "two-numbers", "infinite"],
-)
-def test_bad_input_gives_one_line(program: Path, arguments: list[str], text: str, named: str) -> None:
-    done = run(program, *arguments, text=text)
-    assert done.returncode == 2
-    assert named in done.stderr
-    assert done.stderr.count("\n") == 1

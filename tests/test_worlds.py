@@ -14,7 +14,6 @@ import pytest
 from excitation import Array
 from mrdamp import gpu
 from mrdamp.diagnosis.hypotheses.terms import Term
-from mrdamp.errors import InputError
 from mrdamp.gpu import fields, free_attributes, sources
 from mrdamp.model import core
 from mrdamp.model.attributes import law_number, vector
@@ -133,8 +132,6 @@ EACH = tuple(range(len(core.COLUMNS)))
 
 
 def on_processor(folder: Path) -> Callable[[gpu.Task], Array]:
-    """Runs a task by the kernel's sources, compiled for the processor."""
-
     def run(task: gpu.Task) -> Array:
         library, kept = compiled(folder, task.law, task.free, RECORDS), []
 
@@ -194,21 +191,6 @@ def test_what_the_library_cannot_see_is_refused(given: dict[str, Any], said: str
     whole: dict[str, Any] = {"params": params, "dt": 1e-3, "x": np.zeros(100), "u": np.zeros(100)}
     assert core.run_many("bingham", **whole).shape == (1, 1, 100)
     refuses(lambda: core.run_many("bingham", **whole | given), said)
-
-
-def test_a_gpu_that_is_not_there_is_told_in_a_line() -> None:
-    x = np.zeros(100)
-    params = vector("bingham", damper("bingham"))[None]
-    refuses(lambda: core.run_many("bingham", params, DT, x, x, device="tpu"), "device is 'tpu'; allowed: cpu, cuda")
-    negative = vector("bingham", damper("bingham"))[None]
-    negative[0, core.attribute_index()["v_ref"]] = -1.0
-    refuses(lambda: core.run_many("bingham", negative, DT, x, x, device="cuda"), "v_ref = ")
-    refuses(lambda: core.run_many("narx", params, DT, x, x, device="cuda"), "networks do not run on a GPU")
-    try:
-        gpu.first_device()
-    except InputError as error:
-        shifted = vector("bingham", damper("bingham") | {"channel_shift_d": 0.4 * DT * len(x)})[None]
-        refuses(lambda: core.run_many("bingham", shifted, DT, x, x, device="cuda"), str(error)[:40])
 
 
 @pytest.mark.slow
