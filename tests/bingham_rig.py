@@ -27,7 +27,6 @@ def force(v: Array, u: Array, **changed: float) -> Array:
 
 
 def write_case(folder: Path, tests: Mapping[str, Mapping[str, Array]], **changes: Any) -> Path:
-    """A case folder with a record for each test's channels, and the damper as its simulator."""
     folder.mkdir()
     for name, channels in tests.items():
         (folder / f"{name}.csv").write_text(render(channels))

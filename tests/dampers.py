@@ -72,14 +72,12 @@ class Sampled:
     def run(
         self, law: str, parameters: Mapping[str, float], columns: tuple[str, ...] = ("force",)
     ) -> dict[str, Array]:
-        """Through the library."""
         return core.run(
             law, parameters, self.dt, self.x, self.v, self.a, u=self.u, hold=self.hold, columns=columns
         )
 
 
 def grid(dt: float, end: float) -> Array:
-    """Times 0, dt .. end (n,), s."""
     return np.arange(round(end / dt) + 1, dtype=np.float64) * np.float64(dt)
 
 

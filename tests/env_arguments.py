@@ -23,7 +23,6 @@ OWN = f"{Path(__file__).parents[1] / 'examples' / '08_structure_of_your_own.py'}
 
 
 def needed(identity: str) -> dict[str, Any]:
-    """Arguments that an environment's id asks for."""
     return {"structure": OWN} if identity == "mrdamp/Structure-v0" else {}
 
 

@@ -79,10 +79,8 @@ def triangle(amplitude: float, frequency: float, *, sharpness: float = 0.99) -> 
 
 
 def multisine(rms: float, low: float, high: float, *, seed: int, terms: int = 12) -> Motion:
-    """Random band-limited motion: sines at random frequencies in ``low .. high`` Hz, random phases.
-
-    Amplitudes fall as 1/f, so that the velocity is spread evenly over the band; the motion starts at x = 0.
-    """
+    """Random band-limited motion: sines at random frequencies in ``low .. high`` Hz, random phases. Amplitudes fall
+    as 1/f, so that the velocity is spread evenly over the band; the motion starts at x = 0."""
     rng = np.random.default_rng(seed)
     edges = np.linspace(low, high, terms + 1)
     f = rng.uniform(edges[:-1], edges[1:])
@@ -103,10 +101,8 @@ def multisine(rms: float, low: float, high: float, *, seed: int, terms: int = 12
 
 @dataclass(frozen=True)
 class Command:
-    """Command in pieces: ``pieces[k]`` and its slope hold on ``(breaks[k-1], breaks[k]]``.
-
-    ``held``: constant pieces, so that a record of it is read with the command held between the samples.
-    """
+    """Command in pieces: ``pieces[k]`` and its slope hold on ``(breaks[k-1], breaks[k]]``. ``held``: constant pieces,
+    so that a record of it is read with the command held between the samples."""
 
     breaks: tuple[float, ...]
     pieces: tuple[Function, ...]

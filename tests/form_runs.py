@@ -20,7 +20,6 @@ def run(column: str, u: np.ndarray | float = 0.5, **effect: float) -> np.ndarray
 
 
 def speed(t: float) -> float:
-    """Of the rod, m/s."""
     return float(0.01 * OMEGA * np.cos(OMEGA * t))
 
 

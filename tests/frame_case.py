@@ -88,18 +88,15 @@ def case_of(model: Model, found: dict[str, Record]) -> Case:
 
 
 def altered(found: dict[str, Record], change: Callable[[Array], Array], *channels: str) -> dict[str, Record]:
-    """The records with some channels changed."""
     return {
         name: r.with_channels({c: change(np.asarray(r.channel(c))) for c in channels}) for name, r in found.items()
     }
 
 
 def without(found: dict[str, Record], *channels: str) -> dict[str, Record]:
-    """The records without some channels."""
     kept = {name: {c: v for c, v in r.channels.items() if c not in channels} for name, r in found.items()}
     return {name: Record(r.name, None, DT, kept[name]) for name, r in found.items()}
 
 
 def late(samples: int) -> Callable[[Array], Array]:
-    """What is read so many samples later."""
     return lambda x: np.concatenate([np.full(samples, x[0]), x[:-samples]])

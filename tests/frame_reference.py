@@ -21,11 +21,9 @@ LAG = 1 / 190.0  # s
 def solve(
     ground: Callable[[float], float], commands: Array, period: float, every: float, floor: int = 1
 ) -> Mapping[str, Array]:
-    """Free run with commands (n,) V held a period (s) each; channels at steps of `every` (s).
-
-    floor: the damper stands between it and the floor below. Channels: displacement (3,), acceleration (3,) absolute,
-    force, current, energy (J, of the damper).
-    """
+    """Free run with commands (n,) V held a period (s) each; channels at steps of `every` (s). floor: the damper
+    stands between it and the floor below. Channels: displacement (3,), acceleration (3,) absolute, force, current,
+    energy (J, of the damper)."""
     along = np.zeros(3)
     along[floor - 1] = 1.0
     if floor > 1:

@@ -17,8 +17,6 @@ Array = NDArray[np.float64]
 
 
 class Known:
-    """An estimator that knows the state."""
-
     def __init__(self, state: Array) -> None:
         self.state = state
 
@@ -30,8 +28,6 @@ class Known:
 
 
 class Watching:
-    """A controller that plays a function of time and keeps what it is shown."""
-
     name = "watching"
 
     def __init__(self, played: Callable[[float], float], period: float = 1e-3) -> None:

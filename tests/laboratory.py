@@ -46,10 +46,8 @@ def rig_tests(
     law: str, *, seed: int = 0, dt: float = 1e-3, duration: float = 4.0, noise: float = 0.01, late: float = 0.0,
     chosen: Sequence[int] = range(9),
 ) -> list[Record]:  # fmt: skip
-    """Nine records, or those chosen, with noise of a share of each force's deviation.
-
-    late: s, that the recording begins after the motion; duration is what is recorded.
-    """
+    """Nine records, or those chosen, with noise of a share of each force's deviation. late: s, that the recording
+    begins after the motion; duration is what is recorded."""
     rng, skip, out = np.random.default_rng(seed), round(late / dt), []
     for k in chosen:
         name, x, command, force = clean(law, dt, duration + late, k)

@@ -36,7 +36,6 @@ def grid(end: float, dt: float) -> Array:
 
 
 def dashpot(c: float, friction: float = 0.0) -> dict[str, float]:
-    """A Bingham law that no command changes."""
     return {"c0a": c, "c0b": 0.0, "fya": friction, "fyb": 0.0, "v_ref": 0.01}
 
 
@@ -79,7 +78,6 @@ class Sensor:
 
 
 def signals(of: str = "mr") -> tuple[Sensor, ...]:
-    """One sensor per signal, each named after it."""
     return tuple(Sensor(name, of, {"signal": name}) for name in ALL_SIGNALS)
 
 
@@ -136,7 +134,6 @@ def compiled(text: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
 def oscillator(
     law: str, attributes: Values, mass: float, stiffness: float, timestep: float, *, integrator: str = "Euler"
 ) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """One mass on a spring with a damper beside it, and every signal of the sensor."""
     text = document(
         slider(mass, stiffness=stiffness),
         [Damper(law, attributes)],
@@ -194,7 +191,6 @@ def _place(model: mujoco.MjModel, instance: str, name: str) -> tuple[int, int]:
 
 
 def attribute(model: mujoco.MjModel, instance: str, name: str) -> str:
-    """An attribute as the compiled model holds it."""
     begin, end = _place(model, instance, name)
     return bytes(model.plugin_attr.view(np.uint8))[begin:end].decode()
 

@@ -21,7 +21,6 @@ WITHOUT_PHYSICS = ("errors", "files", "interrupts", "library", "registration")
 
 
 def loaded(path: Path) -> ModuleType:
-    """The file's module, under the file's name."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
     assert spec.loader is not None

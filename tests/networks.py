@@ -44,7 +44,6 @@ class Network:
         return force
 
     def text(self) -> str:
-        """The weights file."""
         lines = [
             "mrdamp-narx 1",
             f"sample_time {self.sample_time!r}",
@@ -60,7 +59,6 @@ class Network:
 
 
 def twin(net: Any) -> Network:
-    """Of a `mrdamp.narx.Network`."""
     return Network(
         net.sample_time, net.inputs, net.offset, net.scale, net.force_offset, net.force_scale, tuple(net.layers)
     )
@@ -73,10 +71,8 @@ def numbers(values: Array) -> str:
 def random_network(
     seed: int, hidden: Sequence[int], *, sample_time: float = 2e-3, memory: float = 0.6
 ) -> Network:
-    """Tanh layers with a smooth answer to a motion of millimetres and fractions of m/s; about 300 N.
-
-    `memory` (0 to 1) bounds the weight of its own past force, so that the free run is stable.
-    """
+    """Tanh layers with a smooth answer to a motion of millimetres and fractions of m/s; about 300 N. `memory` (0 to
+    1) bounds the weight of its own past force, so that the free run is stable."""
     rng = np.random.default_rng(seed)
     lags = {"x": (0, 1, 3), "v": (0, 1, 4), "i": (0, 2), "F": (1, 2, 5)}
     inputs = tuple((channel, lag) for channel in CHANNELS for lag in lags[channel])

@@ -14,7 +14,6 @@ HEADER = "time_s,displacement_m,command,force_N"
 
 
 def table(n: int = 50, dt: float = 0.002, header: str = HEADER) -> list[str]:
-    """Lines of a good record."""
     width = header.count(",")
     rows = [",".join([f"{k * dt:.10g}", *(f"{k * 0.25 + j:.6g}" for j in range(width))]) for k in range(n)]
     return [header, *rows]

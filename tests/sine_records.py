@@ -47,7 +47,6 @@ def viscous(u: Array) -> Array:
 def grid(
     friction: Curve = straight, commands: tuple[float, ...] = (0.0, 0.4, 0.8, 1.2), seed: int = 0
 ) -> list[Record]:
-    """Two sines at each command."""
     return [
         bingham_record(f"{u:g}A_{mm}mm", 1e-3 * mm, hz, u, viscous, friction, seed + 10 * k + j)
         for k, u in enumerate(commands)

@@ -60,9 +60,7 @@ def remembered(up: float, down: float) -> np.ndarray:
 
 def stopped(up: float, down: float, knee: float = np.inf) -> np.ndarray:
     """Field by stops of Prandtl and Ishlinskii written out: a current that comes back finds the field that it left.
-
-    Their bounds follow the current and close where they would turn round.
-    """
+    Their bounds follow the current and close where they would turn round."""
     widths, at, branch = 0.1 * 2 * np.arange(1, 7) / 7, np.zeros(6), [0.0]
     fine = np.interp(np.arange(0, T[-1] + 1e-9, DT / 10), T, UP_AND_DOWN)
     for was, i in pairwise(fine):

@@ -159,7 +159,6 @@ def test_intervals_of_parameters_hold_the_truth_as_often_as_they_say() -> None:
 
 
 def coloured(rig: ToyRig, size: float, seed: int) -> ToyRig:
-    """The rig with noise that is alike over some 50 samples."""
     rng = np.random.default_rng(seed)
     records = []
     for r in rig.records:
@@ -184,7 +183,6 @@ def test_noise_that_is_alike_from_sample_to_sample_widens_an_interval() -> None:
 
 
 def test_what_the_records_do_not_show_has_its_whole_range_as_its_interval() -> None:
-    """An offset that no sample sees, beside the gain."""
     rig = toy({"gain": 2.2})
     problem, unseen = Problem(rig), Coordinate("offset", 0.0, -5.0, 3.0, 0.1, prior=3.0)
     found = fit(problem, Hypothesis(rig.nominal), np.zeros(1))

@@ -100,7 +100,6 @@ def forms(base: Base) -> dict[str, dict[str, float]]:
 
 
 def with_effects(base: Base, *names: str) -> dict[str, float]:
-    """Attributes of the damper with effects of the table above."""
     attributes, table = dict(base.parameters), forms(base)
     for name in names:
         attributes |= {f"{name.split()[0]}_{parameter}": number for parameter, number in table[name].items()}

@@ -102,11 +102,9 @@ GRAVITY = 9.80665
 
 
 def exact(eta: float, place: float, mode: int) -> complex:
-    """Complex wave number times length of a taut string with a dashpot eta (T m)^(1/2) at `place`.
-
-    sin b = -i eta sin(b a) sin(b (1 - a)), from v = A sin(b x) and B sin(b (1 - x)) on both sides and the jump of the
-    slope; damping ratio im b / |b|, frequency |b| / pi over the string's first.
-    """
+    """Complex wave number times length of a taut string with a dashpot eta (T m)^(1/2) at `place`. sin b = -i eta
+    sin(b a) sin(b (1 - a)), from v = A sin(b x) and B sin(b (1 - x)) on both sides and the jump of the slope; damping
+    ratio im b / |b|, frequency |b| / pi over the string's first."""
 
     def miss(b: complex) -> complex:
         return cmath.sin(b) + 1j * eta * cmath.sin(b * place) * cmath.sin(b * (1 - place))
@@ -119,10 +117,8 @@ def exact(eta: float, place: float, mode: int) -> complex:
 
 
 def stepped_poles(cable: StayCable, c: float) -> Array:
-    """Poles (1/s) with positive frequency of the natural coordinates with a dashpot, as the engine steps them at 1 ms.
-
-    From a free motion of all coordinates: the linear map from one step to the next that it obeys.
-    """
+    """Poles (1/s) with positive frequency of the natural coordinates with a dashpot, as the engine steps them at 1
+    ms. From a free motion of all coordinates: the linear map from one step to the next that it obeys."""
     model = mujoco.MjModel.from_xml_string(Cable(cable, dashpot(c)).mjcf(1e-3))
     data = mujoco.MjData(model)
     rng = np.random.default_rng(0)
@@ -217,11 +213,9 @@ def test_the_chain_hangs_as_irvines_parabola(sag: float) -> None:
     [("dashpot", 1.0, 0.05, (0.03, 0.03, 0.05)), ("yielding", 0.0, 16.0, (0.03, 0.1, 0.3))],
 )
 def test_both_models_move_alike(kind: str, sag: float, strength: float, limits: tuple[float, ...]) -> None:
-    """Wind on the natural coordinates and on the chain's nodes: motion at mid-span, stroke and force, RMS error.
-
-    A damper that sticks and slips shakes waves that ten sines do not have; a sagged chain stretches, so that strong
-    motion is not the linear one.
-    """
+    """Wind on the natural coordinates and on the chain's nodes: motion at mid-span, stroke and force, RMS error. A
+    damper that sticks and slips shakes waves that ten sines do not have; a sagged chain stretches, so that strong
+    motion is not the linear one."""
     cable = StayCable(sag=sag, ratio=1e-9)
     damper = dashpot(60.0) if kind == "dashpot" else cable_damper()
     load = WindLoads(duration=6.0).draw(np.random.default_rng(2), cable.length).scaled(strength)

@@ -80,7 +80,6 @@ def frame_of(n: int, between: tuple[int, int], friction: Array | None = None) ->
 
 
 def run(frame: FrameInput, u: Array | float = 1.0, **more: float) -> dict[str, Array]:
-    """Through the C entry."""
     return core.run_frame("bouc_wen", BOUC_WEN | more, frame, DT, motion(TIME), u)
 
 

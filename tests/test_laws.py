@@ -25,10 +25,8 @@ STEMS = ("c0", "c1", "alpha", "fy", "f0", "k1")  # coefficients that may follow 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("id", IDS)
 def test_force_is_that_of_scipy(id: str, kind: str) -> None:
-    """Within 1 % RMS to 2 ms, 3 % at 5 ms (relative to the RMS of the force), and without ringing.
-
-    An error of e newtons that changes sign from sample to sample would show as 4 e in the second differences.
-    """
+    """Within 1 % RMS to 2 ms, 3 % at 5 ms (relative to the RMS of the force), and without ringing. An error of e
+    newtons that changes sign from sample to sample would show as 4 e in the second differences."""
     motion, command = excitation(id, kind)
     law, parameters, twin = sets.load(id).law, attributes(id), reference(id, kind, GRID, END)["force"]
     for dt_ms in STEPS_MS:
@@ -73,10 +71,8 @@ DEPENDENCES: Mapping[str, tuple[str, dict[str, float]]] = {
 
 @pytest.mark.parametrize("name", DEPENDENCES)
 def test_coefficients_follow_the_field(name: str) -> None:
-    """Quadratic and saturating parts of every coefficient, gamma and beta that fall, an exponent of 1.6.
-
-    Within 0.1 % RMS, so that half of any of them would be seen.
-    """
+    """Quadratic and saturating parts of every coefficient, gamma and beta that fall, an exponent of 1.6. Within 0.1 %
+    RMS, so that half of any of them would be seen."""
     law, parameters = DEPENDENCES[name]
     motion, command = multisine(0.004, 0.4, 7.0, seed=8), wave(0.0, 1.5, 0.7)
     twin = simulate(law, parameters, motion, grid(GRID, END), command)["force"]

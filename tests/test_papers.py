@@ -106,10 +106,8 @@ def test_eqs_3_4_and_7_are_identified() -> None:
 
 
 def test_e_v_of_a_triangle_is_its_jumps_of_velocity() -> None:
-    """A constant error e: 1/T int |dv/dt| dt is the sum of the jumps, 16 A f^2; the low-pass rings a little there.
-
-    An error at the corners alone has the same norm at any rate: the corner is as wide as the low-pass makes it.
-    """
+    """A constant error e: 1/T int |dv/dt| dt is the sum of the jumps, 16 A f^2; the low-pass rings a little there. An
+    error at the corners alone has the same norm at any rate: the corner is as wide as the low-pass makes it."""
     f, a, e = 2.5, 0.005, 3.0
     found = []
     for rate in (500, 2000):

@@ -104,7 +104,6 @@ CRANK = 'cranksite="cs" slidersite="ss" cranklength=".5"'
 
 
 def drop(text: str, seconds: float, height: float, speed: float = 0.0, command: float = 0.0) -> Array:
-    """Positions (n, nq) at every 10 ms after a release at `height` (m, or rad for a crank)."""
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     free = model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
@@ -238,9 +237,6 @@ def test_sleeping_body_wakes_with_the_right_force() -> None:
     damped = run(with_dampers(car, "bingham", dashpot(1400.0), SPRING))
     own = run(car(1400.0))
     assert np.max(np.abs(damped - own)) < 0.02 * np.ptp(own[6000:])
-
-
-# --- other actuators ------------------------------------------------------------------------------------
 
 
 def beside(

@@ -67,18 +67,14 @@ def test_driven_rig_is_the_chain(id: str, timestep: float) -> None:
 @pytest.mark.parametrize("names", TOGETHER, ids="+".join)
 @pytest.mark.parametrize("base", BASES)
 def test_driven_rig_is_the_chain_with_effects(base: str, names: tuple[str, ...]) -> None:
-    """But for what the rig does not have: an acceleration of its rod, and a channel that is late.
-
-    A record's step is cut where a delayed jump arrives, for the sensor; the rig's is not. A lag hides it.
-    """
+    """But for what the rig does not have: an acceleration of its rod, and a channel that is late. A record's step is
+    cut where a delayed jump arrives, for the sensor; the rig's is not. A lag hides it."""
     without = {"channel_shift"} | (set() if "mount_compliance" in names else {"moving_mass"})
     without |= {"command_delay"} if names[0] == "command_delay" else set()
     law = with_effects(BASES[base], *(name for name in names if name not in without))
     for timestep in TIMESTEPS:
         same_as_the_chain(BASES[base].law, law, "dyke1996_3kN", "steps", timestep)
 
-
-# --- free structures against SciPy -----------------------------------------------------------
 
 # law, its parameters, command, mass (kg), stiffness (N/m), first displacement (m)
 FREE = {
@@ -90,10 +86,8 @@ FREE = {
 
 
 def reference(law: str, levels: Array, hold: float, push: float, dt: float) -> tuple[Array, Array]:
-    """x, force every dt of a mass on a spring with the damper, pushed with push sin(15 t) newton: SciPy.
-
-    levels: commands, each held for `hold` (s). At a change the force is that of the new command.
-    """
+    """x, force every dt of a mass on a spring with the damper, pushed with push sin(15 t) newton: SciPy. levels:
+    commands, each held for `hold` (s). At a change the force is that of the new command."""
     p, _, mass, stiffness, x0 = FREE[law]
     equations, soft = LAWS[law](p), Softening()
 

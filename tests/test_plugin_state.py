@@ -57,7 +57,6 @@ def rich() -> str:
 
 
 def controls(steps: int = STEPS, seed: int = 0) -> Array:
-    """Commands (steps, 3), new ones every 20 steps."""
     levels = np.random.default_rng(seed).uniform(0.2, 1.6, (steps // 20 + 1, 3))
     return np.repeat(levels, 20, axis=0)[:steps]
 
@@ -163,9 +162,6 @@ def test_saved_models_move_alike(whole: Track, tmp_path: Path) -> None:
         equal(step_through(again, data, STEPS, controls()), whole)
 
 
-# --- many at a time -----------------------------------------------------------------------------------
-
-
 def starts(model: mujoco.MjModel, count: int) -> tuple[Array, Array]:
     """States (count, nstate) away from rest, the plugins' past among them, and controls (count, MANY, 3)."""
     states = np.empty((count, mujoco.mj_stateSize(model, FULL)))
@@ -178,7 +174,6 @@ def starts(model: mujoco.MjModel, count: int) -> tuple[Array, Array]:
 
 
 def loop(models: list[mujoco.MjModel], states: Array, commands: Array) -> Array:
-    """One after the other, each in new data: sensors (n, steps, nsensordata)."""
     sensors = []
     for model, state, command in zip(models, states, commands, strict=True):
         data = mujoco.MjData(model)
@@ -226,9 +221,6 @@ def test_many_at_a_time_are_the_loop(many: Callable[..., Array], way: str, threa
     states, commands = starts(model, 5)
     models = [model if way == "one" else stronger(model, 1.0 + k / 2) for k in range(5)]
     np.testing.assert_array_equal(many(models, way, threads, states, commands), loop(models, states, commands))
-
-
-# --- parameters on the way ----------------------------------------------------------------------------
 
 
 def force_at(model: mujoco.MjModel, data: mujoco.MjData) -> float:

@@ -30,9 +30,6 @@ APART = '<flag contact="disable"/>'  # bodies pass through each other
 LAWS: Mapping[str, Mapping[str, float]] = {"bouc_wen": BOUC_WEN, "modified_bouc_wen": DYKE}
 
 
-# --- several dampers ------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 @pytest.mark.parametrize("count", [2, 5])
 @pytest.mark.parametrize("ratio", [0.2, 1.0, 30.0])
@@ -79,8 +76,6 @@ def test_dampers_along_a_chain(scale: float) -> None:
     assert np.all(np.diff(energy) <= 1e-9 * energy[0])
     assert energy[-1] < 1.5 * float(expected[-1] @ inertia @ expected[-1]) + 1e-6 * energy[0]
 
-
-# --- transmissions ----------------------------------------------------------------------------------
 
 START = np.array([0.4, -0.2])
 ONE = slider(2.0, stiffness=900.0)
@@ -153,8 +148,6 @@ def test_a_transmission_along_the_slide_is_the_slide(on: str, law: str) -> None:
     np.testing.assert_allclose(found[1], on_joint[1] + far, atol=1e-4 * float(np.max(np.abs(on_joint[0]))))
     assert rms(found[2] - on_joint[2]) < 1e-3 * rms(on_joint[2])
 
-
-# --- loads ------------------------------------------------------------------------------------------
 
 PUSH, C = 30.0, 600.0  # N, N s/m
 

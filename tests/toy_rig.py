@@ -106,7 +106,6 @@ FIFTH = Term("fifth", "mechanics", (Coordinate("fifth", 0.0, -50.0, 50.0, 0.1),)
 
 
 def toy(truth: Settings, noise: float = 0.02, seed: int = 0, records: int = 6, n: int = 600) -> ToyRig:
-    """A rig whose records hold the truth's answer and white noise."""
     rng = np.random.default_rng(seed)
     t = DT * np.arange(n)
     made = []
@@ -129,7 +128,6 @@ def search_of(rig: ToyRig, noise: float = 0.02) -> Search:
 
 
 def searched(truth: Settings, noise: float = 0.02) -> Search:
-    """A search that has gone through the catalogue, on records that the truth has made."""
     search = search_of(toy(truth, noise), noise)
     search.run()
     return search

@@ -267,11 +267,8 @@ class Chain:
 
 
 def strokes(motion: Motion, turns: list[float], end: float) -> dict[float, tuple[float, float]]:
-    """When a stroke begins -> its direction and the position of the turn behind it.
-
-    A turn counts from 10 um of way back: measured displacements are noisy, and so is the catalogue's
-    "stroke since reversal" without such a width.
-    """
+    """When a stroke begins -> its direction and the position of the turn behind it. A turn counts from 10 um of way
+    back: measured displacements are noisy, and so is the catalogue's "stroke since reversal" without such a width."""
     back, found = 1e-5, {}
     direction, turn = 0.0, motion.x(0.0)  # the furthest point of the stroke while it lasts
     for start, stop in itertools.pairwise([0.0, *turns, end]):
@@ -293,18 +290,12 @@ def simulate(
     motion: Motion,
     t_eval: Array,
     command: Command | None = None,
-    effects: Mapping[str, Mapping[str, float]] | None = None,
     *,
     rtol: float = 1e-8,
 ) -> dict[str, Array]:
-    """The columns of a record at the times t_eval (n,), which start at 0, each (n,).
-
-    At a jump of the command, and of a stroke that begins, a column has its value just after it.
-    """
-    attributes = dict(parameters)
-    for effect, values in (effects or {}).items():
-        attributes |= {f"{effect}_{name}": number for name, number in values.items()}
-    chain = Chain(law, attributes, motion, command or constant(0.0))
+    """The columns of a record at the times t_eval (n,), which start at 0, each (n,). At a jump of the command, and of
+    a stroke that begins, a column has its value just after it."""
+    chain = Chain(law, parameters, motion, command or constant(0.0))
     if not chain.rigid and chain.p["trapped_gas_d"] > 0.0:
         raise ValueError("the stroke of a piston behind a compliant mount is not known beforehand")
     end, delay = float(t_eval[-1]), chain.p["command_delay_d"]
