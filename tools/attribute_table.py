@@ -30,28 +30,22 @@ def number(value: float) -> str:
 
 
 def span(low: float, high: float) -> str:
-    """The range of an attribute in words."""
-    if math.isinf(low) and math.isinf(high):
-        return ""
+    """The range of an attribute."""
     if math.isinf(high):
-        return f"from {number(low)}"
-    if math.isinf(low):
-        return f"to {number(high)}"
-    return f"{number(low)} to {number(high)}"
+        return "" if math.isinf(low) else f"≥{number(low)}"
+    return f"≤{number(high)}" if math.isinf(low) else f"{number(low)}..{number(high)}"
 
 
 def value(row: core.Attribute) -> str:
-    """Unit, before it the default of what is no law's, behind it the range."""
+    """Unit, range, and of what is no law's the default but zero."""
     unit = row.unit.removeprefix("1 ") if row.unit != "1" else ""
-    default = "" if row.default is None else number(row.default)
-    limits = span(row.minimum, row.maximum)
-    words = [row.unit] if row.group == "law" else [default, unit]
-    return " ".join([*filter(None, words), *([f"({limits})"] if limits else [])])
+    default = f"default {number(row.default)}" if row.group != "law" and row.default else ""
+    return ", ".join(filter(None, (unit, span(row.minimum, row.maximum), default)))
 
 
 def coefficients() -> str:
     """The table of the laws' parameters; those that differ by their suffix alone share a row."""
-    lines = ["| attribute | unit (range) | meaning |", "|---|---|---|"]
+    lines = ["| attribute | unit, range | meaning |", "|---|---|---|"]
     known = {row.name: row for row in core.attributes() if row.group in ("law", "dependence")}
     stems = {name[:-1] for name in known if {f"{name[:-1]}a", f"{name[:-1]}b"} <= set(known)}
     for name, row in known.items():
@@ -65,8 +59,9 @@ def coefficients() -> str:
 
 
 def items(group: str) -> list[str]:
-    """Name, default, unit, range and meaning of a group's attributes."""
-    return [f"- `{row.name}`: {value(row)}; {row.meaning}" for row in core.attributes() if row.group == group]
+    """Name, meaning, unit, range and default of a group's attributes."""
+    rows = [row for row in core.attributes() if row.group == group]
+    return [f"- `{row.name}`: {row.meaning}" + (f" [{value(row)}]" if value(row) else "") for row in rows]
 
 
 def law_table() -> str:
