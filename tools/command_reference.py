@@ -26,7 +26,7 @@ def subcommands(parser: argparse.ArgumentParser) -> dict[str, tuple[argparse.Arg
 def _name(action: argparse.Action) -> str:
     if not action.option_strings:
         return f"`{action.metavar or action.dest}`"
-    value = "" if action.nargs == 0 else f" {action.metavar or (action.dest.upper())}"
+    value = f" {action.metavar}" if action.metavar else ""
     if isinstance(action.metavar, tuple):
         value = " " + " ".join(action.metavar)
     elif action.choices is not None:
@@ -74,7 +74,7 @@ def lines() -> Iterator[str]:
     yield "# Commands"
     yield ""
     yield "Bad input gives one line on standard error and exit code 2, an interrupt 130. The same command continues an"
-    yield "interrupted run. Written by `tools/command_reference.py`."
+    yield "interrupted run. `--help` shows which options take a value. Written by `tools/command_reference.py`."
     yield from ("", "## Options of several commands", "")
     yield from (f"- {name}: {text} {alike.get((name, text), '')}".rstrip() for name, text in shared)
     for command, (sub, about) in commands.items():
@@ -88,7 +88,7 @@ def lines() -> Iterator[str]:
             else:
                 yield f"- {name}: {text} {default}".strip().removesuffix(":")
         if above:
-            yield f"- [above](#options-of-several-commands): {', '.join(above)}"
+            yield f"- [shared](#options-of-several-commands): {', '.join(above)}"
 
 
 def main() -> int:
