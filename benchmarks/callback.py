@@ -74,8 +74,7 @@ def measure(effort: Effort, end: float = 3.0) -> list[Section]:
             "Plugin against the law in Python",
             "The law as a `mjcb_control` callback in Python floats, explicit midpoint rule, three inner steps at "
             f"{STEP * 1e3:g} ms and one at 0.1 ms. The plugin steps at {STEP * 1e3:g} ms, with a force error of "
-            f"{accuracy.frame_error(STEP, end):.2%}. The engine's velocities are half a step older than its "
-            "positions; a shorter step or an extrapolated velocity corrects this.",
+            f"{accuracy.frame_error(STEP, end):.2%}.",
             tuple(rows),
         )
     ]

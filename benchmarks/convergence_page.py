@@ -117,8 +117,7 @@ python -m benchmarks.convergence_page
 Less accurate are
 
 - **a nearly undamped mass that rattles** in a clearance or on a stiff mount: the RMS of the force is right within 3 %;
-- **friction with a large breakaway behind a mount**: slip begins up to one step late, or not at all just below the
-  breakaway;
+- **friction with a large breakaway behind a mount**: slip begins up to one step late, or not at all;
 - **forces that jump at a reversal** (`trapped_gas` without `width`): right to one step;
 - **the cable's acceleration at a sticking damper** grows with the number of modes: give the sensor a `bandwidth`;
 - **a sharp yield in the frame** (Bingham, `v_ref` of 1 mm/s): 2.6 % at 0.5 ms, 1.1 % at 0.25 ms.

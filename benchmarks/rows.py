@@ -78,7 +78,7 @@ def against_the_engine(effort: Effort) -> list[Figure]:
             title = {"loop": "SyncVectorEnv", "batch": "Batch"}[other]
             r = ratio(costs[other], costs["chain"])
             found.append(
-                of_ratio(f"{name}, {ROWS} rows over {title}", r, target, "a step of one row")
+                of_ratio(f"{name}, {ROWS} rows over {title}", r, target)
             )
     return found
 
@@ -99,7 +99,7 @@ def threads(effort: Effort) -> list[Figure]:
         costs = interleave(tasks, effort.rounds)
         r = ratio(costs["1"], costs["2"])
         found.append(
-            of_ratio(f"{name}, {rows} rows, two threads over one", r, ">= 1.8", "wall-clock time")
+            of_ratio(f"{name}, {rows} rows, two threads over one", r, ">= 1.8")
         )
     return found
 
@@ -140,7 +140,7 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "Rows on the chain",
-            'Rows on the chain (`engine="chain"`), over MuJoCo. Control period 5 ms; '
+            'A step of one row on the chain (`engine="chain"`), over MuJoCo. Control period 5 ms; '
             "default steps on both: 0.5 ms (frame), 0.125 ms (cable). Rows on threads: wall-clock time of the C "
             "entry's part, two idle cores; the others: one thread.",
             (*against_the_engine(effort), *threads(effort), *sizes(effort)),

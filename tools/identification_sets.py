@@ -69,11 +69,11 @@ _EFFECTS = ("--extras", "offset", "driver_lag", "saturation", "gas_spring", "cha
 
 _EMBEDDED = Page(
     "Embedded records",
-    "Seventeen tests of a simulated damper of other physics than the package's (`src/mrdamp/data/embedded/`).",
+    "Seventeen tests of a simulated damper whose physics is not the package's (`src/mrdamp/data/embedded/`).",
     (
         Table(
             "Whole records",
-            "Nine records are fitted, eight with other amplitudes, frequencies, currents and waveforms held out.",
+            "Nine records are fitted, eight others held out.",
             (
                 *_laws(_NONE),
                 Row("modified Bouc-Wen with effects", "effects", ("--law", "modified_bouc_wen", *_EFFECTS)),
@@ -82,7 +82,7 @@ _EMBEDDED = Page(
         ),
         Table(
             "Varying current, 4000:2000:1500 samples at 500 Hz",
-            "The self-sensing paper's protocol. Held out: the test part and the other records of random current.",
+            "The self-sensing paper's protocol. Held out: test part and other records of random current.",
             (
                 Row("modified Bouc-Wen", "cut_plain", ("--law", "modified_bouc_wen", *_CUT)),
                 Row(
@@ -116,8 +116,8 @@ _UTFSM = Page(
     (
         Table(
             "Laws and network",
-            "All laws are above the reference, as the damper was stronger on the day of the sweep (at .5 A 1.16 to "
-            "1.21 times). The next table is nearest to the reference's tests. S: `quadratic_saturating`.",
+            "On the day of the sweep the damper was stronger (at .5 A 1.16 to 1.21 times). The next table is nearest "
+            "to the reference's tests. S: `quadratic_saturating`.",
             (
                 *_laws((0.24, 0.14, 0.13, 0.12), "--dependence", "quadratic"),
                 *_laws(
@@ -154,8 +154,8 @@ _UTFPR = Page(
     (
         Table(
             "As recorded",
-            "The tests at 0 V named 50Hz have ten times the others' noise in the displacement. Bouc-Wen cannot fit "
-            "better: its force reverses over a displacement, this damper's over a velocity.",
+            "The tests at 0 V named 50Hz have ten times the noise in the displacement. Bouc-Wen's force reverses over "
+            "a displacement, this damper's over a velocity.",
             (
                 *_laws((0.24, 0.12, 0.13, 0.09), "--dependence", "quadratic"),
                 Row(
@@ -196,7 +196,7 @@ _NEES = Page(
     (
         Table(
             "Plain laws",
-            "Last row: the preload k1 x0 as an offset of the force, quadratic in the command as the reference.",
+            "Last row: the preload k1 x0 as an offset, quadratic in the command as the reference.",
             (
                 *_laws((0.48, 0.37, 0.37, 0.34), "--starts", "2", "--extras"),
                 Row(
@@ -209,8 +209,7 @@ _NEES = Page(
         ),
         Table(
             "With effects, and the network",
-            "At 3 kHz the velocities contain all noise of the displacement; the network and its reference run at "
-            "300 Hz on low-passed velocities.",
+            "At 3 kHz the velocities are noisy; the network and its reference run at 300 Hz on low-passed velocities.",
             (
                 *_laws((0.31, 0.21, 0.18, 0.165), "--starts", "2", "--extras", "offset", "gas_spring", "driver_lag",
                        "--dependence", "quadratic", suffix="_effects", note=", effects"),
