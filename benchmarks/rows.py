@@ -77,9 +77,7 @@ def against_the_engine(effort: Effort) -> list[Figure]:
         for other, target in (("loop", ">= 15"), ("batch", ">= 8")):
             title = {"loop": "SyncVectorEnv", "batch": "Batch"}[other]
             r = ratio(costs[other], costs["chain"])
-            found.append(
-                of_ratio(f"{name}, {ROWS} rows over {title}", r, target)
-            )
+            found.append(of_ratio(f"{name}, {ROWS} rows over {title}", r, target))
     return found
 
 
@@ -98,9 +96,7 @@ def threads(effort: Effort) -> list[Figure]:
             tasks[str(count)] = advancing(task, max(steps * ROWS // rows, 2), wall)
         costs = interleave(tasks, effort.rounds)
         r = ratio(costs["1"], costs["2"])
-        found.append(
-            of_ratio(f"{name}, {rows} rows, two threads over one", r, ">= 1.8")
-        )
+        found.append(of_ratio(f"{name}, {rows} rows, two threads over one", r, ">= 1.8"))
     return found
 
 
