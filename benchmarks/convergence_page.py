@@ -83,7 +83,7 @@ def _energy() -> list[str]:
     sizes = ", ".join(f"{1e3 * a:g}" for a in AMPLITUDES)
     return [
         f"No steady cycle of 5 Hz returns work, with {len(LAWS)} laws, {len(kept)} effects and amplitudes of"
-        f" {sizes} mm. Least net over absolute work: {least}."
+        f" {sizes} mm. Smallest net over absolute work: {least}."
     ]
 
 
