@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from mrdamp.cli import build_parser
@@ -34,6 +34,12 @@ def _name(action: argparse.Action) -> str:
     return f"`{', '.join(action.option_strings)}{value}`"
 
 
+def _long(name: str) -> str:
+    """The long option of a name."""
+    found = re.search(r"--[\w-]+", name)
+    return f"`{found[0]}`" if found else name
+
+
 def _help(action: argparse.Action) -> tuple[str, str]:
     """What an argument does, and its default in brackets."""
     text = " ".join(((action.help or "") % {"default": action.default, "prog": "mrdamp"}).split())
@@ -44,26 +50,45 @@ def _help(action: argparse.Action) -> tuple[str, str]:
     return text, f"(default: {action.default})" if given and "default" not in text else ""
 
 
+def rows(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str, str]]:
+    """Of each argument of a command: its name and value, what it does, its default."""
+    for action in parser._actions:
+        if not isinstance(action, argparse._HelpAction) and action.help is not argparse.SUPPRESS:
+            yield _name(action), *_help(action)
+
+
+def shared_rows(commands: Iterable[argparse.ArgumentParser]) -> dict[tuple[str, str], set[str]]:
+    """Defaults of what several commands have alike, by name and what it does."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for sub in commands:
+        for name, text, default in rows(sub):
+            found.setdefault((name, text), []).append(default)
+    return {key: set(some) for key, some in found.items() if len(some) > 1}
+
+
 def lines() -> Iterator[str]:
     """The page, line by line."""
+    commands = subcommands(build_parser())
+    shared = shared_rows(sub for sub, _ in commands.values())
+    alike = {key: next(iter(some)) for key, some in shared.items() if len(some) == 1}
     yield "# Commands"
     yield ""
-    yield "`mrdamp COMMAND --help` explains the options. Bad input gives one line on standard error and exit code 2, an"
-    yield "interrupt 130. The same command continues an interrupted run. Written by `tools/command_reference.py`."
-    for command, (sub, about) in subcommands(build_parser()).items():
+    yield "Bad input gives one line on standard error and exit code 2, an interrupt 130. The same command continues an"
+    yield "interrupted run. `--help` shows which options take a value. Written by `tools/command_reference.py`."
+    yield from ("", "## Options of several commands", "")
+    yield from (f"- {name}: {text} {alike.get((name, text), '')}".rstrip() for name, text in shared)
+    for command, (sub, about) in commands.items():
         yield from ("", f"## mrdamp {command}", "", f"{about[:1].upper()}{about[1:]}.", "")
         if sub.epilog:
             yield from ("```", sub.epilog.removeprefix("example: "), "```", "")
-        shown = [
-            action
-            for action in sub._actions
-            if not isinstance(action, argparse._HelpAction) and action.help is not argparse.SUPPRESS
-        ]
-        for action in shown:
-            if not action.option_strings:
-                yield f"- {_name(action)}: {' '.join(_help(action))}".strip().removesuffix(":")
-        if options := [_name(action) for action in shown if action.option_strings]:
-            yield f"- options: {', '.join(options)}"
+        above = []
+        for name, text, default in rows(sub):
+            if (name, text) in shared:
+                above.append(f"{_long(name)} {'' if (name, text) in alike else default}".strip())
+            else:
+                yield f"- {name}: {text} {default}".strip().removesuffix(":")
+        if above:
+            yield f"- [shared](#options-of-several-commands): {', '.join(above)}"
 
 
 def main() -> int:
