@@ -85,9 +85,13 @@ FREE = {
 }
 
 
-def reference(law: str, levels: Array, hold: float, push: float, dt: float) -> tuple[Array, Array]:
-    """x, force every dt of a mass on a spring with the damper, pushed with push sin(15 t) newton: SciPy. levels:
-    commands, each held for `hold` (s). At a change the force is that of the new command."""
+def reference(
+    law: str, levels: Array, hold: float, push: float, dt: float, speed: float = 0.0
+) -> tuple[Array, Array]:
+    """x, force every dt of a mass on a spring with the damper, pushed with push sin(15 t) newton: SciPy.
+
+    levels: commands, each held for `hold` (s). At a change the force is that of the new command. speed: at the start.
+    """
     p, _, mass, stiffness, x0 = FREE[law]
     equations, soft = LAWS[law](p), Softening()
 
@@ -98,7 +102,7 @@ def reference(law: str, levels: Array, hold: float, push: float, dt: float) -> t
         pull = push * math.sin(15.0 * time) - stiffness * float(y[0]) - force(y, u)
         return [float(y[1]), pull / mass, *equations.rates(list(y[2:]), float(y[0]), float(y[1]), u, soft)]
 
-    state = np.array([x0, 0.0, *equations.start(x0)])
+    state = np.array([x0, speed, *equations.start(x0)])
     tolerance = [1e-10, 1e-9, *(1e-9 * scale for scale in equations.scales)]
     found: list[tuple[float, float]] = []
     for k, u in enumerate(levels):
@@ -158,3 +162,23 @@ def test_runge_kutta_at_a_short_step(law: str) -> None:
     track = step_through(model, data, len(x))
     assert rms(track.x[:, 0] - x) < 0.01 * rms(x)
     assert rms(track.sensors[:, model.sensor("true_force").adr[0]] - force) < 0.02 * rms(force)
+
+
+@pytest.mark.parametrize("law", ["bouc_wen", "modified_bouc_wen"])
+def test_runge_kutta_begins_in_motion(law: str) -> None:
+    """The hysteresis moves within the first step: the error of the motion after it falls as the step squared or faster."""
+    parameters, u, mass, stiffness, x0 = FREE[law]
+    off = []
+    for timestep in (2e-4, 1e-4):
+        x, _ = reference(law, np.array([u]), 0.01, 0.0, timestep, 1.0)
+        model, data = oscillator(law, parameters, mass, stiffness, timestep, integrator="RK4")
+        data.qpos[0], data.qvel[0], data.ctrl[0] = x0, 1.0, u
+        off.append(float(np.max(np.abs(step_through(model, data, len(x)).x[:, 0] - x))))
+    assert off[1] < 0.3 * off[0]
+
+
+def test_runge_kutta_has_the_current_in_time() -> None:
+    """1 - exp(-t / tau) from the first command on."""
+    model, data = oscillator("bingham", {**BINGHAM, "driver_lag_tau": 0.01}, 1.0, 100.0, 1e-3, integrator="RK4")
+    current = step_through(model, data, 40, np.ones((40, 1))).sensors[:, model.sensor("current").adr[0]]
+    np.testing.assert_allclose(current, 1.0 - np.exp(-0.1 * np.arange(40)), atol=1e-9)

@@ -112,6 +112,13 @@ def test_reset_and_keyframe(whole: Track) -> None:
     equal(step_through(model, data, 100, controls()), fresh)
 
 
+def test_the_engines_clock_may_be_set(whole: Track) -> None:
+    model, data = bent()
+    for k in range(STEPS):
+        data.time = 0.0
+        equal(step_through(model, data, 1, controls()[k : k + 1]), Track(*(of[k : k + 1] for of in vars(whole).values())))
+
+
 def test_looking_does_not_move_the_state(whole: Track) -> None:
     """mj_forward, mj_inverse, mj_step1 and a linearisation between the steps."""
     model, data = bent()

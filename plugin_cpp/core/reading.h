@@ -37,15 +37,14 @@ struct Exerted {
 
 // Brings the state to the present. limited: what acts is a limit of the engine's. mean: the force applied is the mean over
 // a step; otherwise that of an instant.
-inline void Follow(const SensorParams& p, const Stepping& damper, const Exerted& now, bool limited, double h, bool mean,
+inline void Follow(const SensorParams& p, const Stepping& damper, const Exerted& now, bool limited, bool mean,
                    ReadingState* s) {
   const double force = limited ? now.applied : now.own, jump = limited ? 0 : damper.seen.force - damper.ended;
   if (s->started == 0) {
     s->sensor.Start(p, force);
     s->count = s->energy = 0;
   } else {
-    double dt = damper.time - s->time;
-    if (dt > 4 * h) dt = h;
+    const double dt = damper.time - s->time;
     if (dt > 0) {
       s->sensor.Step(p, force - jump, dt);
       s->sensor.Step(p, force, 0);

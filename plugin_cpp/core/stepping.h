@@ -13,6 +13,7 @@ namespace mrdamp {
 struct StepStart {
   double started = 0, time = 0, x = 0, v = 0, u = 0;
   double end = 0;  // velocity at the step's end
+  double step = 0, clock = 0;  // s, from the start to the step's end, and the engine's clock there
   ChainState chain;
 };
 
@@ -39,18 +40,23 @@ struct Stepping {
     } else {
       now.c = s.chain;
       dt = time - s.time;
-      // A clock set by hand: one step on, rather than an hour of it.
-      if (dt > 4 * h) dt = h;
+      const bool within = s.step == 0;  // a stage of a step, in which the command is the new one already
+      const auto push = [&] {
+        if (now.line) now.line->Push(now.c.time, d.Clamp(u), Reach(d.p));
+      };
+      if (within) push();
+      else before = s.u;
       if (dt > 0) {
-        Advance(d, &now, {s.x, s.v, x, v, dt}, s.u, s.u);
+        Advance(d, &now, {s.x, s.v, x, v, dt}, before, before);
         // The engine's step has gone all the way at its last velocity; a motion that is imposed has not.
         const double rise = v - s.v, off = max(fabs((x - s.x) / dt - v), fabs(v - s.end));
         if (off < 0.25 * fabs(rise)) lead = 0.5 * rise;
         rate = lead / dt;
+      } else {
         before = s.u;
-        if (now.line) now.line->Push(now.c.time, d.Clamp(u), Reach(d.p));
-        Settle(d, &now, x, v, u);
       }
+      if (!within) push();
+      Settle(d, &now, x, v, u);
     }
     // The engine's velocities stand half a step before its positions, unless they are imposed; so do masses that ring
     // with their changes.
@@ -84,9 +90,9 @@ struct Stepping {
     return Observe(*damper, *s, at, to, 0, u).force;
   }
 
-  // The start of the step to come; end: the velocity at its end.
-  StepStart Stored(double end) const {
-    StepStart s{1, time, x, v, u, end, now.c};
+  // The start of the step to come; end, step, clock: as of StepStart.
+  StepStart Stored(double end, double step = 0, double clock = 0) const {
+    StepStart s{1, time, x, v, u, end, step, clock, now.c};
     s.chain.sprung = sprung;
     return s;
   }

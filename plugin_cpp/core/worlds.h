@@ -142,7 +142,7 @@ inline void ActInWorld(const Worlds& a, int world) {
     a.force[static_cast<std::size_t>(world) * a.actuators + a.actuator[k]] = static_cast<float>(-own.force);
     double end = a.free[first + k];
     for (int j = 0; j < n; j++) end -= weight[k * n + j] * force[j];
-    own.next = at[k].Stored(at[k].v + h * end);
+    own.next = at[k].Stored(at[k].v + h * end, h);
   }
 }
 
@@ -167,7 +167,7 @@ inline void ReadWorld(const Worlds& a, int world) {
     const bool stepped = s.started != 0 && at.time > s.time;
     const bool limited = force == -a.force_range[2 * k] || force == -a.force_range[2 * k + 1];
     const Exerted now{at.seen.force + at.Mass() * acceleration, force, acceleration};
-    Follow(effects, at, now, limited, a.timestep, true, &s);
+    Follow(effects, at, now, limited, true, &s);
     s.count += stepped;
     double value = Value(a.reading[r], effects, at, now, limited, s);
     if (a.cutoff[r] > 0) value = min(max(value, -a.cutoff[r]), a.cutoff[r]);

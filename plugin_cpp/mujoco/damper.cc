@@ -166,7 +166,8 @@ void DamperInstance::Watch(const mjData* d) {
 void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   const double* s = d->plugin_state + m->plugin_stateadr[instance_];
   const int control = m->actuator_ctrladr[actuator_];
-  const double delay = m->actuator_delay[actuator_];
+  const double delay = m->actuator_delay[actuator_], h = m->opt.timestep, before = at_.v;
+  const bool stages = m->opt.integrator == mjINT_RK4;
   double buffer = 0, u = d->ctrl[control];
   Watch(d);
   if (delay > 0) {
@@ -179,14 +180,43 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   at_.u = std::isfinite(u) ? u : 0;
   StepStart start;
   Load(&start, s);
+  const bool first = start.started == 0;
+  const auto within = [&](double clock) { return d->time >= clock && d->time <= clock + (1 + 1e-6) * h; };
+  // The state is stored after the last stage of a step: the later stages of the first one go on from its first stage.
+  if (stages && first && !first_.empty() && d->time > first_clock_ && within(first_clock_)) Load(&start, s = first_.data());
   int at = kStartSize;
   if (at_.now.line) {
     Load(at_.now.line, s + at);
     at += kLineSize;
   }
   if (at_.now.past) Load(at_.now.past, s + at);
-  if (integrate_) at_.x = start.started == 0 ? 0 : start.x + std::max(0.0, d->time - start.time) * at_.v;
-  steps_->catch_up(&at_, &start, m->opt.timestep);
+  // Steps are counted: a program may set the engine's clock. The stages within a step are told by it.
+  if (start.started != 0) at_.time = start.time + start.step + (stages && within(start.clock) ? d->time - start.clock : 0);
+  if (integrate_) Integrate(start, stages, before);
+  steps_->catch_up(&at_, &start, h);
+  if (stages && start.started == 0) {
+    first_.resize(StateSize(m, instance_));
+    Store(first_.data(), at_.Stored(at_.v, 0, d->time));
+    first_clock_ = d->time;
+  }
+}
+
+void DamperInstance::Integrate(const StepStart& start, bool stages, double before) {
+  const double dt = start.started == 0 ? 0 : at_.time - start.time;
+  at_.x = start.x + (dt > 0 ? dt * (stages ? before : at_.v) : 0);
+  stage_ = dt > 0 ? stage_ + 1 : 1;
+  path_ = stage_ == 1 ? at_.v : path_ + (stage_ < 4 ? 2 : 1) * at_.v;
+  path_from_ = stage_ == 1 ? at_.x : path_from_;
+}
+
+void DamperInstance::Store(double* to, const StepStart& start) const {
+  std::memcpy(to, &start, sizeof start);
+  int at = kStartSize;
+  if (at_.now.line) {
+    std::memcpy(to + at, at_.now.line, sizeof(DelayLine));
+    at += kLineSize;
+  }
+  if (at_.now.past) std::memcpy(to + at, at_.now.past, sizeof(NarxHistory));
 }
 
 double DamperInstance::Turning(const mjModel* m, const mjData* d) {
@@ -282,17 +312,12 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
 }
 
 void DamperInstance::Advance(const mjModel* m, mjData* d) {
-  double* s = d->plugin_state + m->plugin_stateadr[instance_];
-  StepStart start = at_.Stored(Along(d, output_, d->qvel));
+  const bool stages = m->opt.integrator == mjINT_RK4;
+  if (integrate_ && stages && stage_ == 4) at_.x = path_from_ + m->opt.timestep / 6 * path_;
+  StepStart start = at_.Stored(Along(d, output_, d->qvel), stages ? 0 : m->opt.timestep, d->time);
   // Without actuation the engine does not ask for the force: the damper starts anew when it does.
   start.started = !(m->opt.disableflags & mjDSBL_ACTUATION);
-  std::memcpy(s, &start, sizeof start);
-  int at = kStartSize;
-  if (at_.now.line) {
-    std::memcpy(s + at, at_.now.line, sizeof(DelayLine));
-    at += kLineSize;
-  }
-  if (at_.now.past) std::memcpy(s + at, at_.now.past, sizeof(NarxHistory));
+  Store(d->plugin_state + m->plugin_stateadr[instance_], start);
 }
 
 void DamperInstance::Register() {

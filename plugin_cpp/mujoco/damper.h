@@ -56,6 +56,11 @@ class DamperInstance {
   bool Parse(const mjModel* m, std::string* error);
   // Brings the chain from its stored state to the motion in d.
   void CatchUp(const mjModel* m, const mjData* d);
+  // Length along a site's own axes. The engine moves positions at the velocity of the step's end, and in a stage of
+  // Runge-Kutta at that of the stage before.
+  void Integrate(const StepStart& start, bool stages, double before);
+  // plugin_state of a start.
+  void Store(double* to, const StepStart& start) const;
 
   int instance_ = 0, actuator_ = 0, output_ = 0;
   bool integrate_ = false;
@@ -68,6 +73,11 @@ class DamperInstance {
   std::vector<int> others_;  // actuators that are not dampers
 
   Stepping at_;
+  // Within a step of Runge-Kutta.
+  std::vector<double> first_;  // plugin_state at the first stage after a reset
+  double first_clock_ = 0;     // s
+  int stage_ = 0;
+  double path_ = 0, path_from_ = 0;  // m/s, the stages' velocities by their weights; m, at the first stage
   NarxHistory past_, trial_past_;
   DelayLine line_;
   double force_ = 0;

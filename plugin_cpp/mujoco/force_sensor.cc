@@ -143,13 +143,13 @@ void ForceSensorInstance::Compute(const mjModel* m, mjData* d) {
   DamperInstance* damper = DamperOf(m, d, actuator_);
   const double acceleration = Along(d, m->actuator_outadr[actuator_], d->qacc);
   const bool acts = damper->Acts(m);
-  if (!acts) damper->Watch(d);
+  if (m->opt.disableflags & mjDSBL_ACTUATION) damper->Watch(d);
   const Exerted now{acts ? damper->Force(acceleration) : 0, acts ? damper->Applied(m, d) : 0, acceleration};
   const bool limited = now.applied != damper->exerted() || !acts;
   const SensorParams effects = Effects(damper->damper().p);
   std::memcpy(static_cast<void*>(&next_), d->plugin_state + m->plugin_stateadr[instance_], sizeof next_);
   // Runge-Kutta's force is that of the state, the others' the mean over the step.
-  Follow(effects, damper->at(), now, limited, m->opt.timestep, m->opt.integrator != mjINT_RK4, &next_);
+  Follow(effects, damper->at(), now, limited, m->opt.integrator != mjINT_RK4, &next_);
   d->sensordata[m->sensor_adr[sensor_]] = Value(reading_, effects, damper->at(), now, limited, next_);
 }
 
