@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mrdamp import cli, demo, sets
+from mrdamp.cli import script
 from mrdamp.model import Model
 from mrdamp.records import embedded, read_record
 from mrdamp.simulation.predict import played, write_prediction
@@ -169,3 +172,30 @@ def test_the_demo_runs_and_goes_on_where_it_was(
     assert cli.main(arguments) == 0
     assert capsys.readouterr().out.splitlines()[:2] == said.splitlines()[:2]
     assert Model.read(tmp_path / "out" / "frame" / "model.json").rig == "frame"
+
+
+def complete(*words: str) -> list[str]:
+    """What bash offers for the last word."""
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("bash is not installed")
+    line = "\n".join(script(cli.build_parser(), "bash"))
+    array = " ".join(f"'{word}'" for word in ("mrdamp", *words))
+    ask = f"{line}\nCOMP_WORDS=({array}); COMP_CWORD={len(words)}; _mrdamp; printf '%s\\n' \"${{COMPREPLY[@]}}\""
+    done = subprocess.run([bash, "--norc", "-c", ask], capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+@pytest.mark.slow
+def test_bash_completes_commands_options_choices_and_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "model.json").write_text("{}")
+    monkeypatch.chdir(tmp_path)
+    assert complete("ident") == ["identify"]
+    assert {"demo", "sets", "citation"} <= set(complete(""))
+    assert complete("citation", "--bib") == ["--bibtex"]
+    assert complete("inverse", "model.json", "--command-unit", "") == ["A", "V"]
+    assert complete("predict", "mod") == ["model.json"]
+    assert complete("completion", "z") == ["zsh"]

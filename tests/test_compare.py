@@ -246,7 +246,7 @@ ON_A_ROAD = ("car", "--motions", "road.csv", "--controllers", "passive-on", "--j
         (("cable", "--period", "1e-9", "--controllers", "passive-on"), "allowed: 1e-05 to 10 s"),
         (("frame", "--compression", "1e-6", "--controllers", "passive-on", "--jobs", "1"), "2.5e+07 s in control"),
         (("cable", "--motions", "a.csv"), "a cable has no ground motion"),
-        (("frame", "--compression", "2", "--controllers", "best-constant"), "not tuned for this model yet"),
+        (("frame", "--compression", "2", "--controllers", "best-constant"), "for this model with these settings yet"),
         (("frame", "--dampers", "0-9", "--controllers", "passive-on"), "damper_between is"),
         (("frame", "--dampers", "0-1", "1-2", "--bound", "--controllers", "passive-on"), "--bound is for one damper"),
         (("frame", "--spread", "0", "--controllers", "passive-on", "--engine", "chain"), "--spread 0; allowed"),

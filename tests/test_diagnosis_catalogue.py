@@ -260,3 +260,25 @@ def test_a_plain_delay_gets_no_clock() -> None:
     made, plain = search(0.0, 1)
     try_sampled_delay(made, plain)
     assert [f.hypothesis.name for f in made.ranked(False)] == ["parameters"]
+
+
+@pytest.mark.slow
+def test_a_lag_under_a_held_command_is_a_plain_one() -> None:
+    """8 ms behind steps between constants, at 500 Hz: lines between the samples fit better as long as the lag lacks. A
+    second pole, or a rate limit that acts in the first .6 ms of the largest steps, is nothing that the records show."""
+    rng, records = np.random.default_rng(8), []
+    for k in range(5):
+        x = 0.012 * np.sin((11 - k) * TIME) + 0.004 * np.sin(29 * TIME + k)
+        v = 0.012 * (11 - k) * np.cos((11 - k) * TIME) + 0.004 * 29 * np.cos(29 * TIME + k)
+        given = np.repeat(rng.choice([0.0, 0.25, 0.5, 0.75, 1.0], len(TIME) // 100), 100)
+        current = np.empty_like(given)
+        current[0] = given[0]
+        for j in range(1, len(given)):
+            current[j] = given[j - 1] + (current[j - 1] - given[j - 1]) * np.exp(-DT / 0.008)
+        read = force(v, current) + NOISE * rng.standard_normal(len(v))
+        channels = {"displacement_m": x, "command": given, "force_N": read}
+        records.append(Record(f"{k}", None, DT, channels))
+    found = diagnose(Case("rig", Path(), model(), tuple(records), ()), jobs=1)
+    assert found.corrected.hold
+    assert [(e.effect, set(e.parameters)) for e in found.effects] == [("driver_lag", {"tau"})]
+    assert found.effects[0].parameters["tau"] == pytest.approx(0.008, rel=0.01)

@@ -166,7 +166,7 @@ def test_runge_kutta_at_a_short_step(law: str) -> None:
 
 @pytest.mark.parametrize("law", ["bouc_wen", "modified_bouc_wen"])
 def test_runge_kutta_begins_in_motion(law: str) -> None:
-    """The hysteresis moves within the first step: the error of the motion after it falls as the step squared or faster."""
+    """The hysteresis moves within the first step: the error after it falls as the step squared or faster."""
     parameters, u, mass, stiffness, x0 = FREE[law]
     off = []
     for timestep in (2e-4, 1e-4):

@@ -116,7 +116,8 @@ def test_the_engines_clock_may_be_set(whole: Track) -> None:
     model, data = bent()
     for k in range(STEPS):
         data.time = 0.0
-        equal(step_through(model, data, 1, controls()[k : k + 1]), Track(*(of[k : k + 1] for of in vars(whole).values())))
+        found = step_through(model, data, 1, controls()[k : k + 1])
+        equal(found, Track(*(values[k : k + 1] for values in vars(whole).values())))
 
 
 def test_looking_does_not_move_the_state(whole: Track) -> None:

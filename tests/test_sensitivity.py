@@ -291,3 +291,18 @@ def test_a_gain_is_found_beside_the_load_cell(tmp_path: Path) -> None:
     # Two readings of one force, a factor apart.
     assert trial["gap"]["nominal"] > 1.5 * told["trials"][0]["gap"]["nominal"]
     assert trial["gap"]["corrected"] < 0.6 * trial["gap"]["nominal"]
+
+
+def test_an_interrupted_run_goes_on(case: Path, knowing: Knowing, capsys: pytest.CaptureFixture[str]) -> None:
+    out = case.parent / "out"
+    knowing.stop_at = 4
+    assert main(["sensitivity", str(case), "-o", str(out), *ASKED]) == 130
+    told = json.loads((out / "sensitivity.json").read_text())
+    assert not told["complete"]
+    assert len(told["trials"]) == 3
+    assert "3 trials done so far, at most 2 to come" in (out / "index.html").read_text()
+    knowing.calls, knowing.stop_at = 0, None
+    assert main(["sensitivity", str(case), "-o", str(out), *ASKED]) == 0
+    assert knowing.calls == 2
+    assert json.loads((out / "sensitivity.json").read_text())["complete"]
+    assert not list((out / "runs").glob(".*"))  # no diagnosis left its own store behind

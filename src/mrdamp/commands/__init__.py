@@ -193,7 +193,7 @@ def add_records(p: argparse.ArgumentParser, more: str = "") -> None:
         type=Path,
         help="record files, one folder, or a set of the package: embedded (default), self_sensing, foam",
     )
-    about = f"effects fitted along (default: offset; without a name: none){more}"
+    about = f"effects fitted along, in place of the default offset (without a name: none){more}"
     p.add_argument("--extras", nargs="*", default=["offset"], help=about)
     p.add_argument(
         "--follows",

@@ -71,14 +71,15 @@ def least_left_out(search: Search, chosen: Fit) -> Fit:
     if not chosen.hypothesis.coordinates:
         return chosen
     causes, rig = set(chosen.hypothesis.causes), search.problem.rig
-    found = {
-        free: min(
-            [f for f in search.ranked(free) if set(f.hypothesis.causes) == causes and in_file(rig, f)][:_FORMS],
-            key=lambda f: EVIDENCE_GAIN * np.log(max(search.left_out_cost(f), 1e-300)) + NUMBER * len(f.point),
-            default=None,
-        )
-        for free in (False, True)
-    }
+
+    def dear(f: Fit, cost: float) -> float:
+        return float(EVIDENCE_GAIN * np.log(max(cost, 1e-300)) + NUMBER * len(f.point))
+
+    found = {}
+    for beside in (False, True):
+        same = [f for f in search.ranked(beside) if set(f.hypothesis.causes) == causes and in_file(rig, f)]
+        near = sorted(same, key=lambda f: dear(f, f.cost))[:_FORMS]
+        found[beside] = min(near, key=lambda f: dear(f, search.left_out_cost(f)), default=None)
     fixed_law, free = found[False], found[True]
     if fixed_law is None or free is None:
         return fixed_law or free or chosen

@@ -12,7 +12,8 @@ def current_terms(s: Sizes) -> Iterator[Term]:
     c = s.command
     tau = positive("tau", 0.01, 1e-4, 0.5)
     second = positive("tau2", 1e-3, 1e-4, 0.2)
-    yield term("driver_lag", (tau, second), (0.001, 2e-4), (0.01, 5e-4), (0.03, 5e-3))
+    yield term("driver_lag", (tau,), (0.001,), (0.01,), (0.03,))
+    yield term("driver_lag:two poles", (tau, second), (0.001, 2e-4), (0.01, 5e-4), (0.03, 5e-3))
     fall = positive("fall", 0.01, 1e-4, 0.5)
     falls = (0.001, 0.002), (0.002, 0.001), (0.01, 0.02), (0.03, 0.015)
     yield term("driver_lag:falling apart", (tau, fall), *falls)

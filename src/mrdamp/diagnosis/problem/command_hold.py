@@ -35,7 +35,8 @@ def with_hold(
 
     settings: of the simulator, in addition to its own. Unchanged where the case says it, where no command varies and
     where jumps show a log's filter. Along lines, with a note, where the responses do not show it: the simulator that is
-    handed over is then read as it was fitted.
+    handed over is then read as it was fitted. A command that jumps between constants is held unless lines are clearly
+    better with `settings` too: a lag that the simulator lacks smears its jumps.
     """
     commands = [np.asarray(r.command) for r in case.records]
     varying = tuple(r for r, u in zip(case.records, commands, strict=True) if np.ptp(u) > 0)
@@ -56,9 +57,10 @@ def with_hold(
         return held, [
             "the command is taken as held between samples, which fits as well as a delay of half a sample"
         ]
-    if clear < -_CLEAR:
+    jumps = all(is_held(u) for u in commands if np.ptp(u) > 0)
+    if clear < -_CLEAR and (settings or not jumps):
         return along, []
-    if all(is_held(u) for u in commands if np.ptp(u) > 0):
+    if jumps:
         return held, ["the command jumps between constants: it is taken as held between samples"]
     return along, [
         "the records do not show whether the command is held between samples; it is read along lines, and held a"
