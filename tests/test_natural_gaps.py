@@ -17,12 +17,16 @@ import numpy as np
 import pytest
 
 from modules import CASES, DATA, needs
-from mrdamp.diagnosis.case.folder import read_case
+from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.channels.motion import motion
+from mrdamp.diagnosis.constants import CAUSE
+from mrdamp.diagnosis.damper_run import search_damper
+from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.stall import Stalls
 from mrdamp.diagnosis.form import form_of
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Term
 from mrdamp.diagnosis.run import diagnose
+from mrdamp.diagnosis.searched import silent
 from mrdamp.diagnosis.signatures.loops import Strokes, compared
 from mrdamp.identify import identify
 from mrdamp.model import Model
@@ -168,6 +172,26 @@ def test_what_a_law_without_the_clearance_lacks_by_hand() -> None:
     travel, share = stalls.missed(without)
     assert travel == pytest.approx(0.003, abs=5e-5)
     assert share == pytest.approx(left, rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gap", [0.0, 0.003])
+def test_a_clearance_that_the_loops_show_is_begun_with_and_needs_no_more_evidence(gap: float) -> None:
+    """Without a baseline, and where the law alone lacks the travel after a turn."""
+    rng, records = np.random.default_rng(4), []
+    for k, amplitude in enumerate((0.008, 0.01, 0.012, 0.015, 0.02)):
+        x = sine(amplitude, 1500)
+        force = loop(x, 100.0, gap=gap) + rng.normal(0.0, 2.0, len(x))
+        channels = {"displacement_m": x, "command": np.zeros(len(x)), "force_N": force}
+        records.append(Record(f"{k}", None, 1e-3, channels))
+    nominal = Model("bingham", {"c0a": 10.0, "c0b": 0.0, "fya": 100.0, "fyb": 0.0, "v_ref": 0.002})
+    few = Limits(singles=2, beam=1, additions=1, depth=1, polished=0, freed=0, rivals=0)
+    search = search_damper(Case("damper", Path(), nominal, tuple(records), ()), 1, silent, few).search
+    assert search.direct.get("backlash", 0.0) == (CAUSE if gap else 0.0)
+    if gap:
+        assert search.least.hypothesis.causes == ("backlash",)
+        (found,) = (v for k, v in search.least.settings.items() if k.startswith("backlash") and "gap" in k)
+        assert found == pytest.approx(gap, rel=0.1)
 
 
 def test_signatures_stand_side_by_side() -> None:
