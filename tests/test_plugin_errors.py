@@ -182,3 +182,13 @@ def test_readme_examples_work(tmp_path: Path) -> None:
     (weights,) = re.findall(r"```text\n(.*?)```", README, re.S)
     net = core.Narx(weights)
     assert (net.sample_time, net.inputs) == (0.002, 4)
+
+
+def test_readme_counts_the_state() -> None:
+    state = README.split("\n## State\n", 1)[1].split("\n## ", 1)[0]
+    base, chain, line, past = (int(row.split("|")[1]) for row in state.splitlines() if re.match(r"\| \d", row))
+    for law, values, more in (
+        ("bingham", {}, 0), ("bingham", {"command_delay_d": 0.1}, line),
+        ("bingham", {"command_delay_period": 0.1}, line), ("narx", {}, past),
+    ):  # fmt: skip
+        assert compiled(of_law(law, values))[0].plugin_statenum.tolist() == [base + chain + more, 14]
