@@ -270,5 +270,7 @@ def settings_for(
     if settings is None and file is not None:
         settings = read_settings(file, bench)
     if settings is None and needed:
-        raise InputError(f"{wanted[0]}: not tuned for this model with these settings yet; add --tune (some minutes, kept in -o OUT)")
+        raise InputError(
+            f"{wanted[0]}: not tuned for this model with these settings yet; add --tune (some minutes, kept in -o OUT)"
+        )
     return settings or {}
