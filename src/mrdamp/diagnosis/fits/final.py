@@ -72,14 +72,14 @@ def least_left_out(search: Search, chosen: Fit) -> Fit:
         return chosen
     causes, rig = set(chosen.hypothesis.causes), search.problem.rig
 
-    def dear(f: Fit, cost: float) -> float:
+    def penalised(f: Fit, cost: float) -> float:
         return float(EVIDENCE_GAIN * np.log(max(cost, 1e-300)) + NUMBER * len(f.point))
 
     found = {}
     for beside in (False, True):
         same = [f for f in search.ranked(beside) if set(f.hypothesis.causes) == causes and in_file(rig, f)]
-        near = sorted(same, key=lambda f: dear(f, f.cost))[:_FORMS]
-        found[beside] = min(near, key=lambda f: dear(f, search.left_out_cost(f)), default=None)
+        near = sorted(same, key=lambda f: penalised(f, f.cost))[:_FORMS]
+        found[beside] = min(near, key=lambda f: penalised(f, search.left_out_cost(f)), default=None)
     fixed_law, free = found[False], found[True]
     if fixed_law is None or free is None:
         return fixed_law or free or chosen
