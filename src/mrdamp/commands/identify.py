@@ -214,7 +214,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         left_there = pooled([error(fit.model, r) for r in raw.held_out or raw.train])
         checks.append(
             "on the records as they are, without --cutoff and --zero-mean, the error of `mrdamp predict` is"
-            f" {left_there:.3f}; what a filter takes off the motion is not in the intervals"
+            f" {left_there:.3f}" + (a.cutoff is not None) * "; what the filter changes is not in the intervals"
         )
     _found(fit, left, checks)
     rows = _intervals(a, fit, records) if a.intervals else ()
