@@ -180,10 +180,9 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   at_.u = std::isfinite(u) ? u : 0;
   StepStart start;
   Load(&start, s);
-  const bool first = start.started == 0;
   const auto within = [&](double clock) { return d->time >= clock && d->time <= clock + (1 + 1e-6) * h; };
   // The state is stored after the last stage of a step: the later stages of the first one go on from its first stage.
-  if (stages && first && !first_.empty() && d->time > first_clock_ && within(first_clock_)) Load(&start, s = first_.data());
+  if (stages && start.started == 0 && !first_.empty() && d->time > first_clock_ && within(first_clock_)) Load(&start, s = first_.data());
   int at = kStartSize;
   if (at_.now.line) {
     Load(at_.now.line, s + at);
@@ -192,21 +191,14 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   if (at_.now.past) Load(at_.now.past, s + at);
   // Steps are counted: a program may set the engine's clock. The stages within a step are told by it.
   if (start.started != 0) at_.time = start.time + start.step + (stages && within(start.clock) ? d->time - start.clock : 0);
-  if (integrate_) Integrate(start, stages, before);
+  // The engine moves positions at the velocity of the step's end, and in a stage of Runge-Kutta at that of the stage before.
+  if (integrate_) at_.x = start.started == 0 ? 0 : start.x + (at_.time - start.time) * (stages ? before : at_.v);
   steps_->catch_up(&at_, &start, h);
   if (stages && start.started == 0) {
     first_.resize(StateSize(m, instance_));
     Store(first_.data(), at_.Stored(at_.v, 0, d->time));
     first_clock_ = d->time;
   }
-}
-
-void DamperInstance::Integrate(const StepStart& start, bool stages, double before) {
-  const double dt = start.started == 0 ? 0 : at_.time - start.time;
-  at_.x = start.x + (dt > 0 ? dt * (stages ? before : at_.v) : 0);
-  stage_ = dt > 0 ? stage_ + 1 : 1;
-  path_ = stage_ == 1 ? at_.v : path_ + (stage_ < 4 ? 2 : 1) * at_.v;
-  path_from_ = stage_ == 1 ? at_.x : path_from_;
 }
 
 void DamperInstance::Store(double* to, const StepStart& start) const {
@@ -313,7 +305,6 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
 
 void DamperInstance::Advance(const mjModel* m, mjData* d) {
   const bool stages = m->opt.integrator == mjINT_RK4;
-  if (integrate_ && stages && stage_ == 4) at_.x = path_from_ + m->opt.timestep / 6 * path_;
   StepStart start = at_.Stored(Along(d, output_, d->qvel), stages ? 0 : m->opt.timestep, d->time);
   // Without actuation the engine does not ask for the force: the damper starts anew when it does.
   start.started = !(m->opt.disableflags & mjDSBL_ACTUATION);

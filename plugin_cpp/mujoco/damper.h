@@ -56,9 +56,6 @@ class DamperInstance {
   bool Parse(const mjModel* m, std::string* error);
   // Brings the chain from its stored state to the motion in d.
   void CatchUp(const mjModel* m, const mjData* d);
-  // Length along a site's own axes. The engine moves positions at the velocity of the step's end, and in a stage of
-  // Runge-Kutta at that of the stage before.
-  void Integrate(const StepStart& start, bool stages, double before);
   // plugin_state of a start.
   void Store(double* to, const StepStart& start) const;
 
@@ -73,11 +70,8 @@ class DamperInstance {
   std::vector<int> others_;  // actuators that are not dampers
 
   Stepping at_;
-  // Within a step of Runge-Kutta.
-  std::vector<double> first_;  // plugin_state at the first stage after a reset
-  double first_clock_ = 0;     // s
-  int stage_ = 0;
-  double path_ = 0, path_from_ = 0;  // m/s, the stages' velocities by their weights; m, at the first stage
+  std::vector<double> first_;  // plugin_state at Runge-Kutta's first stage after a reset
+  double first_clock_ = 0;     // s, then
   NarxHistory past_, trial_past_;
   DelayLine line_;
   double force_ = 0;
