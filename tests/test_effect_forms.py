@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import lsim, lti
+from scipy.signal import lsim, lti, sawtooth, square
 
 from dampers import rms
 from form_runs import BINGHAM, DT, OMEGA, STEP, T, V, X, close, only, run, speed
@@ -246,6 +246,21 @@ def test_a_filtered_displacement_is_taken_back(tau: float, width: float) -> None
     inner = slice(20, -20)
     assert rms((found - expected)[inner]) < 2e-3 * rms(expected)
     assert rms((without - expected)[inner]) > 10 * rms((found - expected)[inner])
+
+
+@pytest.mark.parametrize("width", [0.05, 0.2, 0.5])
+def test_a_triangle_that_an_average_has_rounded_gets_corners_back(width: float) -> None:
+    """A part of a dashpot's error, the average made from the triangle's own integral."""
+    fine = 5e-4 * np.arange(-4000, 24001)
+    path = 0.01 * sawtooth(2 * np.pi * 0.7 * fine, 0.5)
+    area = np.concatenate([[0], np.cumsum(0.5 * (path[1:] + path[:-1]))]) * 5e-4
+    t = 0.005 * np.arange(2000)
+    read = (np.interp(t + width / 2, fine, area) - np.interp(t - width / 2, fine, area)) / width
+    v = 0.028 * square(2 * np.pi * 0.7 * t)
+    lags: tuple[dict[str, float], ...] = {}, {"motion_lag_width": width}
+    forces = (core.run("bingham", dashpot(C) | lag, 0.005, read)["force"] for lag in lags)
+    without, found = (rms((force - C * v)[200:-200]) for force in forces)
+    assert found < 0.75 * without
 
 
 def test_noise_of_an_averaged_displacement_is_not_raised() -> None:

@@ -178,7 +178,7 @@ int mrdamp_run_in(double dt, int n, const double* x, const double* v, const doub
 }
 
 void mrdamp_true_motion(double shift_d, double lag_tau, double lag_width, double dt, int n, double* x, double* v, double* a) {
-  std::vector<double> moved(4 * static_cast<std::size_t>(n));
+  std::vector<double> moved(kRoom * static_cast<std::size_t>(n));
   MrdampLane lane{nullptr, n, x, v, a, nullptr, 0, 0, nullptr};
   TakeBack(shift_d, lag_tau, lag_width, dt, moved.data(), &lane);
   std::copy(lane.x, lane.x + n, x);

@@ -39,7 +39,7 @@ void RunPack(const Job* const* jobs, int count, int lanes, int ncol, const int* 
     plain[k] = *job.d;
     lane[k] = {plain[k].p.data(), r.n, r.x, r.v, r.a, r.u, job.before.from, job.before.to, job.out};
     if (const Params& p = job.d->p; Misread(p)) {
-      moved[k].resize(4 * static_cast<std::size_t>(r.n));
+      moved[k].resize(kRoom * static_cast<std::size_t>(r.n));
       TakeBack(p.channel_shift_d, p.motion_lag_tau, p.motion_lag_width, dt, moved[k].data(), &lane[k]);
     }
   }

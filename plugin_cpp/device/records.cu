@@ -11,7 +11,7 @@ struct Records {
   double dt;                           // s
   const double *params, *x, *v, *a, *u;  // sets x attributes in use; n samples each
   const int* column;                   // numbers of mrdamp.h
-  double *moved, *out;                 // sets x 4 x n, null where channels read the motion; sets x columns x n
+  double *moved, *out;                 // sets x kRoom x n, null where channels read the motion; sets x columns x n
 };
 
 extern "C" __global__ void run(Records r) {
@@ -23,7 +23,7 @@ extern "C" __global__ void run(Records r) {
   for (int i = 0; i < mrdamp::kParamCount; i++) d.p.data()[i] = r.params[place * mrdamp::kParamCount + i];
   MrdampLane lane = {d.p.data(), r.n, r.x, r.v, r.a, r.u, r.from, r.to, r.out + place * r.columns * n};
   if (r.moved && mrdamp::Misread(d.p)) {
-    mrdamp::TakeBack(d.p.channel_shift_d, d.p.motion_lag_tau, d.p.motion_lag_width, r.dt, r.moved + 4 * place * n, &lane);
+    mrdamp::TakeBack(d.p.channel_shift_d, d.p.motion_lag_tau, d.p.motion_lag_width, r.dt, r.moved + mrdamp::kRoom * place * n, &lane);
   }
   mrdamp::Run(d, &lane, 1, r.dt, r.columns, r.column);
 }

@@ -219,11 +219,13 @@ class Task(NamedTuple):
         record.sets, record.params = len(some), put(some)
         record.x, record.v, record.a, record.u = map(put, self.inputs)
         record.column = put(self.columns)
-        record.moved = put(np.empty((len(some), 4, record.n))) if self.moved else None
+        record.moved = put(np.empty((len(some), _ROOM, record.n))) if self.moved else None
         record.out = put(out)
         launch(record)
 
 
+#: Numbers a sample where a channel reads something else than the motion: kRoom of core/shift.h.
+_ROOM = 21
 #: Takes an array to where the kernel runs; its address there.
 Put = Callable[[NDArray[Any]], int]
 
@@ -268,7 +270,7 @@ def on_gpu(asked: Task) -> Array:
     device = first_device()
     function = kernels(device, "records", asked.law, asked.free)
     n, columns = asked.record.n, asked.record.columns
-    each = 8 * (asked.params.shape[1] + n * (columns + 4 * asked.moved))
+    each = 8 * (asked.params.shape[1] + n * (columns + _ROOM * asked.moved))
     out = np.empty((len(asked.params), columns, n))
     with Current(device):
         free, _ = checked(driver.cuMemGetInfo())
