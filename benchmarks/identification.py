@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from benchmarks.result import Figure, Section, machine, table, text
+from benchmarks.result import machine
 from mrdamp.identify import identify as identify_law
 from mrdamp.identify import simulate
 from mrdamp.model.core import Array
@@ -73,16 +73,6 @@ def ours(s: DataSplit, effort: Effort) -> Rival:
         lambda x: one_step_force(net, x),
         spent,
     )
-
-
-def one_start(s: DataSplit, effort: Effort) -> float:
-    """CPU seconds of one initialisation, one step ahead."""
-    start = time.process_time()
-    train_narx(
-        s.train, inputs=lagged("viF", LAGS), hidden=(20,), initialisations=1, horizons=(),
-        one_step_iterations=effort.iterations,
-    )  # fmt: skip
-    return time.process_time() - start
 
 
 def law(extras: Sequence[str], name: str) -> Rival:
@@ -281,13 +271,21 @@ COMPARED: dict[str, tuple[str, Callable[[DataSplit, Effort], Rival]]] = {
 }
 
 
-def measure(effort: Effort | None = None) -> list[Section]:
-    """Free run and time by model; a library that is not installed is left out with its reason."""
+HEAD = ("model", "test part", "sets 1, 2", "test part, one step", "sets 1, 2, one step", "time of a fit")
+
+
+def percent(error: float) -> str:
+    """A share as the table shows it; a run that leaves the record diverges."""
+    return f"{100 * error:.2f} %" if error < 10.0 else "diverges"
+
+
+def measure(effort: Effort | None = None) -> list[tuple[str, ...]]:
+    """Cells of the table, a row a model; a library that is not installed has its reason in place of figures."""
     effort = effort or Effort()
     splits = varying_command(embedded(), RECORD)
     sets = tuple(s for s in splits.test if s.name.startswith(("sine_1.0Hz", "triangle_2.5Hz")))
     parts = splits.test[:1], sets
-    figures: list[Figure] = []
+    rows: list[tuple[str, ...]] = []
     with threadpool_limits(limits=1):
         mine = ours(splits, effort)
         rivals = [mine]
@@ -295,42 +293,39 @@ def measure(effort: Effort | None = None) -> list[Section]:
             try:
                 rivals.append(make(splits, effort))
             except ImportError as error:
-                figures.append(Figure(name, skipped=f"needs {needs} ({error})"))
-        start = one_start(splits, effort)
+                rows.append((name, f"needs {needs} ({error})", "", "", "", ""))
     for rival in rivals:
-        test, others = np.nan_to_num([100 * _error(rival.free, some) for some in parts], nan=999.0, posinf=999.0)
-        detail = f"sets 1 and 2 {min(others, 999.0):.2f} %; time {rival.seconds / mine.seconds:.2f} x ours"
-        if rival.one:
-            detail += "; one step ahead " + " and ".join(f"{100 * _one(rival.one, some):.2f} %" for some in parts)
-        figures.append(Figure(rival.name, min(test, 999.0), "%", detail=detail))
-    figures.append(Figure("one initialisation of 15-20-1, one step ahead", start, "s", "<= 60", "CPU time"))
-    return [
-        Section(
-            "Networks beside other libraries'",
-            "Free-run error over the force's standard deviation, on the embedded record of 5 Hz, 2.5 mm and random"
-            " current: 4000 samples to train on, 2000 to choose on, 1500 never used (first figure), and the"
-            " self-sensing paper's testing sets 1 and 2. 999 % is a run that diverges. Lag space 4, 20 tanh units."
-            " mujoco.sysid fits the same law with the plugin in its rollouts, in our coordinates and bounds, from our"
-            " first start; ours fits from four.",
-            tuple(figures),
-        )
-    ]
+        free = [percent(_error(rival.free, some)) for some in parts]
+        one = [percent(_one(rival.one, some)) if rival.one else "" for some in parts]
+        rows.append((rival.name, *free, *one, f"{rival.seconds / mine.seconds:.2f} x"))
+    return rows
+
+
+TEXT = """Error in free run over the force's standard deviation, on the embedded record of 5 Hz, 2.5 mm and random
+current: 4000 samples to train on, 2000 to choose on, 1500 never used (*test part*); *sets 1, 2*: the self-
+sensing paper's testing sets. Lag space 4, 20 tanh units. Time: CPU, over the first row's. `mujoco.sysid` fits
+the same law with the plugin in its rollouts, in our coordinates and bounds, from our first start; ours fits
+from four."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Prints the table and writes the page."""
+    """Prints the page and writes it."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.identification", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="the page to write")
     options = parser.parse_args(arguments)
-    sections = measure()
-    print(text(sections))
-    lines = ["# Beside other libraries", "", "Written by `python -m benchmarks.identification`.", "",
-             f"Machine: {machine()}.", ""]  # fmt: skip
-    for section in sections:
-        lines += [section.text, "", *table(section.figures)]
+    table = "\n".join(f"| {' | '.join(cells)} |" for cells in [HEAD, ("---",) * len(HEAD), *measure()])
+    page = "\n\n".join(
+        [
+            "# Beside other libraries",
+            TEXT,
+            table,
+            "```\npython -m benchmarks.identification\n```",
+            f"{machine()}.",
+        ]
+    )
+    print(page)
     options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print(f"page: {options.output}")
+    options.output.write_text(page + "\n", encoding="utf-8")
     return 0
 
 
