@@ -1,6 +1,7 @@
 """Writes docs/reference/commands.md from the command line's own parser: `python tools/command_reference.py [--check]`.
 
-With `--check` nothing is written, and the exit code is 1 where the file and the parser disagree.
+With `--check` nothing is written, and the exit code is 1 where the file and the parser disagree. The file has what each
+command does, with an example; the site, of which this is a hook (mkdocs.yml), has the options too.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from mrdamp.cli import build_parser
 
@@ -66,29 +68,43 @@ def shared_rows(commands: Iterable[argparse.ArgumentParser]) -> dict[tuple[str, 
     return {key: set(some) for key, some in found.items() if len(some) > 1}
 
 
-def lines() -> Iterator[str]:
-    """The page, line by line."""
+def lines(options: bool = False) -> Iterator[str]:
+    """The page, line by line; options: with those of every command."""
     commands = subcommands(build_parser())
     shared = shared_rows(sub for sub, _ in commands.values())
     alike = {key: next(iter(some)) for key, some in shared.items() if len(some) == 1}
     yield "# Commands"
     yield ""
     yield "Bad input gives one line on standard error and exit code 2, an interrupt 130. The same command continues an"
-    yield "interrupted run. `--help` shows which options take a value. Written by `tools/command_reference.py`."
-    yield from ("", "## Options of several commands", "")
-    yield from (f"- {name}: {text} {alike.get((name, text), '')}".rstrip() for name, text in shared)
+    yield "interrupted run. Options: `mrdamp COMMAND --help`, or this page in the site (`make docs`)."
+    if options:
+        yield from ("", "## Options of several commands", "")
+        yield from (f"- {name}: {text} {alike.get((name, text), '')}".rstrip() for name, text in shared)
     for command, (sub, about) in commands.items():
         yield from ("", f"## mrdamp {command}", "", f"{about[:1].upper()}{about[1:]}.", "")
         if sub.epilog:
-            yield from ("```", sub.epilog.removeprefix("example: "), "```", "")
-        above = []
-        for name, text, default in rows(sub):
-            if (name, text) in shared:
-                above.append(f"{_long(name)} {'' if (name, text) in alike else default}".strip())
-            else:
-                yield f"- {name}: {text} {default}".strip().removesuffix(":")
-        if above:
-            yield f"- [shared](#options-of-several-commands): {', '.join(above)}"
+            yield from ("```", sub.epilog.removeprefix("example: "), "```")
+        if options:
+            yield from ("", *_options(sub, shared, alike))
+
+
+def _options(
+    sub: argparse.ArgumentParser, shared: dict[tuple[str, str], set[str]], alike: dict[tuple[str, str], str]
+) -> Iterator[str]:
+    """The list of a command's options; those that others have alike in its last line."""
+    above = []
+    for name, text, default in rows(sub):
+        if (name, text) in shared:
+            above.append(f"{_long(name)} {'' if (name, text) in alike else default}".strip())
+        else:
+            yield f"- {name}: {text} {default}".strip().removesuffix(":")
+    if above:
+        yield f"- [shared](#options-of-several-commands): {', '.join(above)}"
+
+
+def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
+    """MkDocs: this page with the options, every other one as it is."""
+    return "\n".join(lines(options=True)) if page.file.src_uri == "reference/commands.md" else markdown
 
 
 def main() -> int:
