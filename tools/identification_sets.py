@@ -69,7 +69,7 @@ _EFFECTS = ("--extras", "offset", "driver_lag", "saturation", "gas_spring", "cha
 
 _EMBEDDED = Page(
     "Embedded records",
-    "Seventeen tests of a simulated damper whose physics is not the package's (`src/mrdamp/data/embedded/`).",
+    "Simulated, with other physics than the package's (`src/mrdamp/data/embedded/`).",
     (
         Table(
             "Whole records",
@@ -82,7 +82,7 @@ _EMBEDDED = Page(
         ),
         Table(
             "Varying current, 4000:2000:1500 samples at 500 Hz",
-            "The self-sensing paper's protocol. Held out: test part and other records of random current.",
+            "Held out: test part and other records of random current.",
             (
                 Row("modified Bouc-Wen", "cut_plain", ("--law", "modified_bouc_wen", *_CUT)),
                 Row(
@@ -110,14 +110,14 @@ _EMBEDDED = Page(
 
 _UTFSM = Page(
     "UTFSM press",
-    "MR damper of about 1.6 kN at 1 A on a servo-hydraulic press (github.com/DanielMaurelE/vRTHS_AMBC_MRdamper, MIT "
-    "licence). Training: sines (25 mm 0.5 Hz, 10 mm 2 Hz, 5 mm 3 Hz; 0, .25, .5, 1 A). Held out: 25 mm 0.25 Hz, and a "
-    "2 mm sweep from 0 to 15 Hz of another day.",
+    "About 1.6 kN at 1 A, servo-hydraulic (github.com/DanielMaurelE/vRTHS_AMBC_MRdamper, MIT licence). Training: "
+    "sines (25 mm 0.5 Hz, 10 mm 2 Hz, 5 mm 3 Hz; 0, .25, .5, 1 A). Held out: 25 mm 0.25 Hz, and a 2 mm sweep from"
+    " 0 to 15 Hz of another day.",
     (
         Table(
             "Laws and network",
-            "On the day of the sweep the damper was stronger (at .5 A 1.16 to 1.21 times). The next table is nearest "
-            "to the reference's tests. S: `quadratic_saturating`.",
+            "On the day of the sweep the damper was stronger (at .5 A 1.16 to 1.21 times). S: "
+            "`quadratic_saturating`.",
             (
                 *_laws((0.24, 0.14, 0.13, 0.12), "--dependence", "quadratic"),
                 *_laws(
@@ -149,8 +149,8 @@ _UTFSM = Page(
 
 _UTFPR = Page(
     "UTFPR sine rig",
-    "MR damper RD-8041 on a motor-driven sine rig (doi 10.5281/zenodo.4445334, A. N. Vargas, MIT licence). Sines of "
-    "3.6 to 20 mm at .46 to 1.5 Hz and four coil voltages. The current is inferred.",
+    "RD-8041, motor-driven (doi 10.5281/zenodo.4445334, A. N. Vargas, MIT licence). Sines of 3.6 to 20 mm at .46 "
+    "to 1.5 Hz and four coil voltages. The current is inferred.",
     (
         Table(
             "As recorded",
@@ -191,12 +191,12 @@ _UTFPR = Page(
 
 _NEES = Page(
     "NEES prototype",
-    "Lord's 3 kN prototype (S. Dyke, doi 10.4231/D3V11VM6X; licence not verified, not redistributed). Random "
-    "displacement to 50 Hz, random two-level voltage, 3004.8 Hz. Three training records, one held out.",
+    "Lord's 3 kN prototype (S. Dyke, doi 10.4231/D3V11VM6X; licence not verified). Random displacement to 50 Hz, "
+    "random two-level voltage, 3004.8 Hz. Three training records, one held out.",
     (
         Table(
             "Plain laws",
-            "Last row: the preload k1 x0 as an offset, quadratic in the command as the reference.",
+            "Last row: preload k1 x0 as an offset, quadratic in the command, as the reference.",
             (
                 *_laws((0.48, 0.37, 0.37, 0.34), "--starts", "2", "--extras"),
                 Row(
@@ -209,7 +209,7 @@ _NEES = Page(
         ),
         Table(
             "With effects, and the network",
-            "At 3 kHz the velocities are noisy; the network and its reference run at 300 Hz on low-passed velocities.",
+            "The network and its reference run at 300 Hz on low-passed velocities.",
             (
                 *_laws((0.31, 0.21, 0.18, 0.165), "--starts", "2", "--extras", "offset", "gas_spring", "driver_lag",
                        "--dependence", "quadratic", suffix="_effects", note=", effects"),

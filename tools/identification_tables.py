@@ -149,7 +149,7 @@ def left_out(name: str, page: Page, records: RecordSet) -> list[str]:
         values += [pooled([e for fit in some for e in fit.held_out]) for some in (parts[:-1], parts)]
         found[law] = [round(value, 3) for value in values]
         store.write_text(json.dumps(found))
-    text = "Fitted to the records of the other motions, of both halves. One start, quadratic in the current."
+    text = "Fitted to the other motions, nearest to the reference's tests. One start, quadratic in the current."
     head = ["law", *page.left_out, f"all but {page.left_out[-1]}", "all", "reference"]
     lines = ["### One motion left out", "", text, "", f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     marks = {row.file: row.mark for row in page.tables[0].rows}
