@@ -164,7 +164,7 @@ def loops(path: Path, record: Record, models: Mapping[str, Model], rows: Mapping
     forces = {rows[file]: force_of(models[file], record) for file in rows}
     fig = model_loops(record.time, record.displacement, record.velocity(), record.channel("force_N"), forces)
     save(fig, path)
-    return f"![Loops of {', '.join(forces)}, record {record.name}]({path.name})"
+    return f"![Loops of record {record.name}]({path.name})"
 
 
 def save(fig: Figure, path: Path) -> None:

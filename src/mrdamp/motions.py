@@ -118,7 +118,7 @@ def read_motion(path: Path | str, sample_time: float | None = None) -> GroundMot
 
 
 def embedded_motion() -> GroundMotion:
-    """The motion that comes with the package, made by `kanai_tajimi` (data/motions/README.md)."""
+    """The motion that comes with the package, made by `kanai_tajimi` (data/README.md)."""
     folder = resources.files("mrdamp") / "data" / "motions"
     name = "synthetic_firm_soil.csv"
     data = folder.joinpath(name).read_bytes()

@@ -332,7 +332,7 @@ def record_files(path: Path | str) -> list[Path]:
 
 
 def embedded(name: str = "embedded") -> RecordSet:
-    """A set of `PACKAGED`, each made by a simulation that shares no physics with the plugin (data/NAME/README.md)."""
+    """A set of `PACKAGED`, each made by a simulation that shares no physics with the plugin (data/README.md)."""
     found = read_records(Path(__file__).parents[1] / "data" / name)
     return found.changed(lambda record: replace(record, path=None))
 
