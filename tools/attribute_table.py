@@ -18,9 +18,9 @@ from mrdamp.model.citations import Reference, references
 README = Path(__file__).resolve().parents[1] / "plugin_cpp" / "README.md"
 
 #: What stands over the tables.
-_LAWS = """Coefficients of the [laws](#laws). One with suffixes is
-`p(b) = p_a + p_b b + p_c b^2 + p_e (1 - exp(-p_r b))`: the unit given is that of `a` and `e`; `b` is per command,
-`c` per command squared, `r` 1 per command. `c`, `e`, `r` are optional (0, 0, 1); `r` is from 0."""
+_LAWS = """Coefficients of the [laws](#laws). `p*` has the suffixes a, b, c, e, r:
+`p(b) = pa + pb b + pc b^2 + pe (1 - exp(-pr b))`. The unit given is that of `a` and `e`; `b` is per command, `c` per
+command squared, `r` 1 per command. `c`, `e`, `r` are optional (0, 0, 1); `r` is from 0."""
 _REST = "For every law:"
 
 
@@ -44,17 +44,15 @@ def value(row: core.Attribute) -> str:
 
 
 def coefficients() -> str:
-    """The table of the laws' parameters; those that differ by their suffix alone share a row."""
+    """The table of the laws' parameters; those that differ by their suffix alone share a row, as `c0*`."""
     lines = ["| attribute | unit, range | meaning |", "|---|---|---|"]
     known = {row.name: row for row in core.attributes() if row.group in ("law", "dependence")}
     stems = {name[:-1] for name in known if {f"{name[:-1]}a", f"{name[:-1]}b"} <= set(known)}
     for name, row in known.items():
-        family = [name]
-        if name[:-1] in stems:
-            family = [name[:-1] + suffix for suffix in "abcer" if name[:-1] + suffix in known]
-        if name == family[0]:
-            names = " ".join(f"`{each}`" for each in family)
-            lines.append(f"| {names} | {value(row)} | {row.meaning.replace(' at zero field', '')} |")
+        if name[:-1] in stems and name[-1] != "a":
+            continue
+        shown = f"{name[:-1]}*" if name[:-1] in stems else name
+        lines.append(f"| `{shown}` | {value(row)} | {row.meaning.replace(' at zero field', '')} |")
     return "\n".join(lines)
 
 
