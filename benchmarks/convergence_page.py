@@ -106,9 +106,9 @@ def _engines() -> list[str]:
 
 _TEXT = """# Convergence
 
-**With a random law and one or two effects, the force at the default steps is within 1 % in 98.8 % of 1500 draws; the
-median error is 0.009 %.** Single effects are within 0.1 % of SciPy at 1 ms, every signal of the default environments
-within 1.1 % of a step ten times as fine.
+**With a random law and one or two effects, the force at the default steps is within 1 % in 98.8 % of 1500 draws
+(median 0.009 %).** Single effects are within 0.1 % of SciPy at 1 ms, signals of the default environments within
+1.1 % of a step ten times as fine.
 
 ```
 python -m benchmarks.convergence_page

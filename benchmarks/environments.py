@@ -145,8 +145,8 @@ def measure(effort: Effort) -> list[Section]:
         Section(
             "A step of the frame's environment against the law in Python",
             "`mrdamp/Frame-v0`, control period 5 ms. Force errors: against the environment at 0.025 ms, for peak "
-            "ground accelerations of 3.4, 8 (strongest default motion) and 17 m/s2. The Python loop takes less than five "
-            "times the engine's own part.",
+            "ground accelerations of 3.4, 8 (strongest default motion) and 17 m/s2. The Python loop takes less than "
+            "five times the engine's own part.",
             python_rows(effort),
         ),
     ]
