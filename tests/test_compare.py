@@ -17,13 +17,11 @@ from command_call import caller
 from env_arguments import OWN
 from knowing import steady
 from mrdamp.commands.controllers import add_to
-from mrdamp.compare import Contender, FrameBench, compare, contenders, tuning
+from mrdamp.compare import FrameBench, compare, contenders, tuning
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, coil, score
-from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import shipped_policies
 from mrdamp.compare.linear import CableBench
-from mrdamp.compare.page import comparison_page
 from mrdamp.compare.tables import differences_csv
 from mrdamp.control.registry import parse
 from mrdamp.errors import InputError
@@ -297,18 +295,3 @@ def test_the_published_table_through_the_command(tmp_path: Path, capsys: pytest.
         assert off.max() <= (6.0 if name == "clipped-optimal" else 2.0), name
     assert "clipped-optimal" in (out / "table.md").read_text()
     assert "<svg" in (out / "index.html").read_text()
-
-
-@pytest.mark.parametrize(("less", "says"), [(0.05, "separate it from all"), (0.001, "do not separate it from b")])
-def test_the_best_controller_is_one_that_intervals_part_from_the_rest(less: float, says: str) -> None:
-    """Six motions, on which a has so much less than b in the mean, give or take .01."""
-    b = np.linspace(0.3, 0.6, 6).reshape(1, 6, 1)
-    a = b - less + 0.01 * np.array([1, -1, 1, -1, 1, -1]).reshape(1, 6, 1)
-    values = {
-        name: {m.key: each if m.key in ("J1", "J2") else np.ones((1, 6, 1)) for m in BENCH.measures}
-        for name, each in (("a", a), ("b", b))
-    }
-    rows, names = tuple(Contender(name, ("passive-on",)) for name in values), tuple(f"m{k}" for k in range(6))
-    result = Comparison(rows, BENCH.measures, names, (1.0,), values, objective={"J1": 0.5, "J2": 0.5})
-    assert says in comparison_page(result, BENCH, "made").html()
-    assert result.rated("a").mean() == pytest.approx(0.45 - less)
