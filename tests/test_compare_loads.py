@@ -64,25 +64,6 @@ def test_a_load_with_more_rest_at_an_end_is_another_one() -> None:
     assert np.abs(whole).max() > 1.2 * np.abs(short).max()
 
 
-def test_another_speed_or_another_sample_makes_another_load(bench: Bench) -> None:
-    changed = ONE.acceleration.copy()
-    changed[200] += 1e-3
-    others = [
-        ONE,
-        ONE.compressed(1.01),
-        replace(ONE, acceleration=changed),
-        replace(ONE, acceleration=changed[:-1]),
-    ]
-    assert distinct(bench, others) == others
-    car = bench_of("car")
-    road = car.unseen_loads()[0]
-    faster = replace(road, speed=1.1 * road.speed)
-    kept = distinct(car, [road, faster, road.scaled(2)])
-    assert len(kept) == 2
-    assert kept[0] is road
-    assert kept[1] is faster
-
-
 def test_of_two_records_a_source_makes_two_loads_and_says_that_tuning_had_them() -> None:
     class Recorded(Isolated):  # type: ignore[misc]
         def loads(self) -> Any:
