@@ -20,7 +20,7 @@ from mrdamp.diagnosis.injection import summary
 from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study, Trial, injected
 from mrdamp.files import write_atomic
 from mrdamp.model import Model
-from mrdamp.records import Record, embedded, read_records
+from mrdamp.records import Record, embedded
 from mrdamp.records.csv_file import render
 
 
@@ -49,25 +49,6 @@ def test_a_case_is_what_went_in(folder: Path, capsys: pytest.CaptureFixture[str]
     assert case.model.law == "modified_bouc_wen"
     assert [r.name for r in case.records] == sorted(r.name for r in embedded().train[:2])
     assert [(r.name, of) for r, of in case.repeats] == [("repeat_again", 0)]
-
-
-@pytest.mark.parametrize("halves", [False, True])
-def test_a_folder_holds_the_same_records_for_every_command(folder: Path, halves: bool) -> None:
-    first, second = sorted(folder.iterdir())
-    (folder / ".hidden.csv").write_text("no record")
-    (folder / "notes.txt").write_text("no record")
-    if halves:
-        for half, file in (("train", first), ("validation", second)):
-            (folder / half).mkdir()
-            file.rename(folder / half / file.name.replace(".csv", ".CSV"))
-    else:
-        first.rename(folder / "B.CSV")
-    out = folder.parent / "case"
-    assert main(["case", "dyke1996_3kN", str(folder), "-o", str(out)]) == 0
-    names = json.loads((out / "case.json").read_text())["records"]
-    taken = {name[: -len(".csv")] for name in names}
-    assert taken == {r.name for r in read_records(folder)} == {r.name for r in read_records([folder])}
-    assert len(taken) == 2
 
 
 @pytest.mark.parametrize(
