@@ -15,7 +15,6 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from mrdamp.diagnosis.answer import beside_given
 from mrdamp.diagnosis.attribution.baseline_law import baseline_law
 from mrdamp.diagnosis.attribution.frame_blocks import blocks
 from mrdamp.diagnosis.attribution.frame_damper import frame_baseline_law
@@ -28,7 +27,7 @@ from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.result import Diagnosis, Gap, Step
+from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.identify import identify
 from mrdamp.model import Effect, Model
@@ -113,18 +112,6 @@ def test_a_law_is_not_extrapolated_to_commands_that_the_baseline_lacks() -> None
     assert baseline_law(few, low, records()) is None  # of all records that are asked about, few are judged
     within = [r for r in records() if r.command.max() < 0.9]
     assert baseline_law(DamperRig(lines(), tuple(within)).with_motion(), low) is not None
-
-
-@pytest.mark.parametrize(("found", "left"), [(0.3, 0.2), (0.1, 0.1)])
-def test_the_given_simulator_is_handed_over_where_the_law_of_the_baseline_predicts_worse(
-    found: float, left: float
-) -> None:
-    given, other = lines(), replace(lines(), name="found")
-    bar = Step("nominal", 0.2, (0.1, 0.3))
-    model, gap = beside_given(given, other, Gap(0.2, 0.4, found, 0.0, (0.0, 1.0), left_out=found), bar)
-    assert model is (given if found > 0.2 else other)
-    assert (gap.nominal, gap.corrected, gap.left_out) == (0.2, left, left)
-    assert gap.interval == ((0.1, 0.3) if found > 0.2 else (0.0, 1.0))
 
 
 @pytest.mark.slow

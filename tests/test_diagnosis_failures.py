@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from frame_case import DT, believed, records
 from modules import DATA, needs
 from mrdamp import cli
 from mrdamp.cli import main as mrdamp
-from mrdamp.commands import diagnosis as command
 from mrdamp.diagnosis.case.audit import of_frame, processing, repeated_share
 from mrdamp.diagnosis.case.coverage import beyond, within
 from mrdamp.diagnosis.case.folder import Case, read_case
@@ -30,7 +28,7 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.handover import hand_over
-from mrdamp.diagnosis.report.result import Diagnosis, Gap, Remainder, Where
+from mrdamp.diagnosis.report.result import Diagnosis, Gap, Where
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
@@ -97,20 +95,6 @@ def test_a_fit_that_fails_is_told_and_the_others_go_on(
     assert found.gap.corrected < 0.2 * found.gap.nominal
 
 
-def test_an_interrupt_is_one_line_and_leaves_no_answer(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def stop(what: str, share: float) -> None:
-        if share >= 0.05:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(command, "show_progress", stop)
-    out = tmp_path / "out"
-    assert cli.main(["diagnose", str(write(tmp_path / "case")), "-o", str(out), "--jobs", "1"]) == 130
-    assert capsys.readouterr().err == "mrdamp: interrupted; run the same command again\n"
-    assert list(out.iterdir()) == []
-
-
 def test_what_is_handed_over_is_a_model_that_loads(tmp_path: Path) -> None:
     model = Model("bingham", LAW, (Effect("driver_lag", {"tau": 0.02}),))
     gap = Gap(0.2, 0.1, 0.01, 0.005, (0.009, 0.011), left_out=0.01)
@@ -126,14 +110,6 @@ def test_what_is_handed_over_is_a_model_that_loads(tmp_path: Path) -> None:
     assert np.isfinite(data.sensordata).all()
     assert "driver_lag_tau" in (tmp_path / "mjcf" / "model.xml").read_text()
     assert Model.read(tmp_path / "mjcf" / "model.json").effects == model.effects
-
-
-def test_what_a_regression_leaves_of_a_frame_is_no_error_of_its_law() -> None:
-    rest = Remainder(0.543, 1.0, "law", None)
-    gap = Gap(0.543, 0.543, 0.543, 0.01, (0.5, 0.6), left_out=0.543, ceiling=0.339)
-    found = Diagnosis("x", "frame", "either", "unknown", (), (), (), Where({"sensor": 1.0}), gap, (), {}, believed())
-    said = replace(found, remainder=rest).sentence.partition("The remaining gap of 54.3 % ")[2]
-    assert said == "is predicted in part by a regression on the other records, which leaves 33.9 %."
 
 
 def test_frame_records_that_are_not_as_they_should_be_are_told_of() -> None:

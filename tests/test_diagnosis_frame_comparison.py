@@ -6,23 +6,19 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
 
 from frame_case import altered, believed, case_of, late, records, without
 from mrdamp.diagnosis import frame_run
-from mrdamp.diagnosis.attribution import baseline_law as module
 from mrdamp.diagnosis.attribution.frame_blocks import blocks
 from mrdamp.diagnosis.attribution.frame_damper import damper_alone
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
 from mrdamp.diagnosis.evidence.changed import since_baseline
-from mrdamp.diagnosis.evidence.judgement import likely, scored
-from mrdamp.diagnosis.evidence.verdict import Decision
-from mrdamp.diagnosis.fits.final import predicted_gap
+from mrdamp.diagnosis.evidence.judgement import likely
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
@@ -187,37 +183,3 @@ def test_a_storeys_cause_of_a_frame_that_is_as_its_baseline() -> None:
         fits, decision = frame_run.judge(search, rig)
         decision = since_baseline(search, baseline, fits, decision)
         assert likely(search, decision, fits, {}).verdict == verdict
-
-
-@pytest.mark.slow
-def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
-    own = frame_run.judge
-
-    def of_many(law: str, _: object, **options: Any) -> Any:
-        """A fit without one of many records: the two of this case do not suffice."""
-        return identify(law, damper_alone(case()).records, **{**options, "dependence": "linear"})
-
-    def named(search: Search, *args: Any, **options: Any) -> tuple[list[Fit], Decision]:
-        fits, decision = own(search, *args, **options)
-        fits = [*fits, fitted(search.problem, "shear_thinning")]
-        chosen = replace(scored(fits)[-1], index=len(fits) - 1)
-        return fits, replace(
-            decision, verdict="effect", chosen=chosen, probabilities=(*decision.probabilities, 0.0)
-        )
-
-    monkeypatch.setattr(frame_run, "judge", named)
-    monkeypatch.setattr(module, "identify", of_many)
-    found = diagnose(case())
-    assert (found.verdict, found.effects) == ("unknown", ())
-    assert found.other_law is not None
-    assert found.to_dict()["other_law"] == found.other_law
-    assert found.other_law["handed_over"]
-    assert found.corrected.law == found.other_law["law"] == "modified_bouc_wen"
-    assert found.other_law["without"] == ["shear_thinning"]
-    assert not any(e.name == "shear_thinning" for e in found.corrected.effects)
-    assert [s.name for s in found.waterfall] == ["nominal", f"law {found.corrected.law}"]
-    left = predicted_gap(found.corrected, Problem(reduced(case())[1]))
-    assert found.gap.corrected == pytest.approx(left, rel=0.1)
-    assert left < 0.5 * found.gap.nominal
-    assert f"Another law ({found.other_law['law']})" in found.sentence
-    assert found.sentence.endswith("it is handed over.")

@@ -47,19 +47,6 @@ def test_a_second_cause_is_found_beside_the_first() -> None:
     assert sum(both.probabilities) == pytest.approx(sum(decision.probabilities))
 
 
-@pytest.mark.parametrize("of", ["first", "second"])
-def test_only_its_own_forms_count_against_a_further_cause(of: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A cause with so many forms that each has no prior is not added; beside such a cause, once named, another is."""
-    search, fits, decision = found(offset=0.5, sign=0.3)
-    first = decision.chosen.causes[0]
-    many = [replace(t, forms=10**200) if (t.cause == first) is (of == "first") else t for t in search.problem.rig.terms]
-    monkeypatch.setattr(ToyRig, "terms", property(lambda _: tuple(many)))
-    parent = fits[decision.chosen.index]
-    own = tuple(t for t in many if t.cause == first)
-    fits[decision.chosen.index] = replace(parent, hypothesis=replace(parent.hypothesis, terms=own))
-    assert len(with_further(search, fits, decision)[1].chosen.causes) == (2 if of == "first" else 1)
-
-
 @pytest.mark.parametrize(("pair", "named"), [(0.4, {"offset"}), (0.6, {"offset", "sign"})])
 def test_of_two_causes_that_are_named_each_is_more_probable_than_not(pair: float, named: set[str]) -> None:
     """pair: stated probability of both, the rest being the offset's alone."""
@@ -138,19 +125,6 @@ def test_a_cause_is_handed_over_with_the_parameters_that_it_had_bent(own: float)
         assert found.settings["gain"] == pytest.approx(2.6, rel=0.02)
         assert after.unexplained < decision.unexplained
         assert len(after.probabilities) == len(more)
-
-
-@pytest.mark.parametrize(("factor", "share"), [(0.5, 0.75 / 0.9), (2.0, 0.0)])
-def test_what_curves_of_the_command_take_is_a_share_of_what_is_beyond_the_noise(factor: float, share: float) -> None:
-    """Half the error is a quarter of the squares; a tenth of these is noise. Curves that do harm take nothing."""
-    search, fits, _ = found(offset=0.5)
-    search.floor = 0.1 * search.left_out_cost(fits[0])
-    own = search.predicted(fits[0])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Search, "versions", lambda self, found: [(own, False), (factor * own, True)])
-        assert search.by_curves(fits[0].hypothesis) == pytest.approx(share)
-        search.fits.clear()
-        assert search.by_curves(fits[0].hypothesis) == 0.0
 
 
 @pytest.fixture(scope="module")

@@ -233,21 +233,6 @@ def test_the_stage_of_a_fault_that_no_catalogue_has(name: str) -> None:
     assert low - 1e-9 <= shares[stage] <= high + 1e-9
 
 
-def test_beside_a_wrong_law_the_stages_are_those_of_the_candidates() -> None:
-    """By their probabilities, which need not add up to 1; measured interfaces keep their shares."""
-    search = searched(FAULTS["slow clock"][1], cell=True)
-    known = {"backlash": 0.09, "mount_compliance": 0.03, "shear_thinning": 0.04, "unknown": 0.8, "none": 0.04}
-    shares, intervals = stage_shares(search, search.base, "unknown", causes=known)
-    assert (shares["mount"], shares["fluid"], shares["sensor"], intervals) == (0.75, 0.25, 0.0, {})
-    parts = (
-        Measured("a", ("driver", "magnetics", "fluid", "mechanics", "mount"), 0.9, (0.8, 1.0)),
-        Measured("b", ("sensor",), 0.1, (0.0, 0.2)),
-    )
-    shares, _ = stage_shares(search, search.base, "unknown", parts, causes=known)
-    assert shares["mount"] == pytest.approx(0.9 * 0.75)
-    assert shares["sensor"] == pytest.approx(0.1)
-
-
 def test_behind_a_load_cell_the_sensor_is_the_reading_of_the_displacement() -> None:
     """What the own sensor adds was measured; what a displacement read late does to the damper was not."""
     search = searched(FAULTS["slow clock"][1], cell=True)

@@ -18,13 +18,10 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import compared
 from mrdamp.diagnosis.constants import UNSTEADY
 from mrdamp.diagnosis.problem.damper import DamperRig
-from mrdamp.diagnosis.problem.noise import channel_noise, floors
-from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
-from mrdamp.records.smoothing import smoothed
 from mrdamp.simulation.predict import write_prediction
 
 DT = 0.002
@@ -79,19 +76,6 @@ def test_nominal_effects_stay_free_and_in_what_is_handed_over() -> None:
     assert {e.name: dict(e.parameters) for e in made.effects} == {
         "gas_spring": {"f0": 31.0, "k": 3000.0}, "driver_lag": {"tau": 0.01}, "sensor_lag": {"tau": 0.004},
     }  # fmt: skip
-
-
-def test_the_noise_of_a_record_is_its_own() -> None:
-    """Of white noise that is a hundredth of each record's force the floor is a hundredth in each."""
-    rng, noisy = np.random.default_rng(3), []
-    for r, amplitude in zip(records()[:3], (1, 20, 400), strict=True):
-        force = amplitude * smoothed(np.asarray(r.channel("force_N")))
-        noise = 0.01 * np.sqrt(np.mean(force**2)) * rng.normal(size=r.n)
-        own = {"displacement_m": r.displacement, "command": r.command, "force_N": force + noise}
-        noisy.append(Record(r.name, None, DT, own))
-    rig = DamperRig(model(), tuple(noisy)).with_motion()
-    found, _ = channel_noise(Case("rig", Path(), model(), tuple(noisy), ()), rig)
-    assert floors(Problem(rig), found, {}) == pytest.approx(np.full(3, 0.01), rel=0.2)
 
 
 def sensed(read: Callable[[Array], Array]) -> tuple[Record, ...]:
