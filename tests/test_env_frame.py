@@ -195,23 +195,3 @@ def can_draw() -> bool:
     except Exception:  # each platform's library has an error of its own
         return False
     return True
-
-
-@pytest.mark.slow
-def test_spawned_workers_find_an_environment_by_its_package_and_name() -> None:
-    """The worker has imported nothing: the part before the colon is what it imports."""
-    library = pytest.importorskip("stable_baselines3.common.env_util", reason="needs the extra train")
-    from stable_baselines3.common.vec_env import SubprocVecEnv
-
-    options = {"n_envs": 2, "seed": 3, "vec_env_cls": SubprocVecEnv, "vec_env_kwargs": {"start_method": "spawn"}}
-    workers = library.make_vec_env("mrdamp:mrdamp/Frame-v0", **options)
-    try:
-        here, seen = FrameEnv(), workers.reset()
-        np.testing.assert_array_equal(seen[0], here.reset(seed=3)[0])
-        for action in np.random.default_rng(0).uniform(-1, 1, (40, 2, 1)).astype(np.float32):
-            seen, reward, _, _ = workers.step(action)
-            observation, expected, *_ = here.step(action[0])
-            np.testing.assert_array_equal(seen[0], observation)
-            assert reward[0] == pytest.approx(expected, rel=1e-6)
-    finally:
-        workers.close()

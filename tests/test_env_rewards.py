@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.stats import spearmanr
 
 from env_arguments import dashpot
-from mrdamp.control.passive import Constant
 from mrdamp.envs import AmbientLoads, CableEnv, FrameEnv
 from mrdamp.envs.cable import CableReward, free_run
 from mrdamp.envs.car import CarReward, linear_run
@@ -25,7 +23,6 @@ from mrdamp.motions import kanai_tajimi
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cables import StayCable
 from mrdamp.structures.lumped import QuarterCar
-from mrdamp.train.worlds import world
 
 STRONG = kanai_tajimi(3, duration=12.0, pga=5.0).compressed(5.0)
 NOTHING = {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
@@ -148,40 +145,3 @@ def test_the_cars_criteria_are_over_a_dashpot_of_three_tenths_of_critical() -> N
     _, _, stroke = linear_run(car, 0.01 * np.sin(w * step * np.arange(20_000)), step)
     last = stroke[-2000:]  # three whole periods
     assert np.sqrt(2 * np.mean(last * last)) == pytest.approx(abs(body - wheel), rel=2e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("environment", "arguments", "measures", "specs"),
-    [
-        ("mrdamp/Frame-v0", {}, ("drift_ratio", "acceleration_ratio"), ("clipped-optimal", "skyhook")),
-        ("mrdamp/Cable-v0", {"timestep": 5e-4}, ("motion_ratio",), ("clipped-optimal", "lyapunov", "skyhook")),
-        ("mrdamp/QuarterCar-v0", {}, ("comfort_ratio", "load_ratio"), ("skyhook", "add", "clipped-lq")),
-    ],
-)
-def test_default_returns_rank_as_the_reported_criteria(
-    environment: str, arguments: dict[str, Any], measures: tuple[str, ...], specs: tuple[str, ...]
-) -> None:
-    """Constant commands and classical controllers, by the mean of what `mrdamp compare` reports of each."""
-    given = world(environment, arguments)
-    task = given.task(1)
-    loads, largest = given.structure.some(np.random.default_rng(5), 4), float(task.command_max[0])
-    constants: list[Any] = [Constant(value=u * largest) for u in (0.0, 0.1, 0.25, 0.5, 1.0)]
-    returns, criteria = [], []
-    for controller in (*constants, *(given.stage(task, spec)[1] for spec in specs)):
-        total, found = 0.0, np.zeros(len(measures))
-        for load in loads:
-            task.reset([0], [np.random.default_rng(0)], {given.kind.option: load})
-            controller.reset()
-            over = False
-            while not over:
-                measured = dict(zip(task.rows.names, task.measured[0].tolist(), strict=True))
-                time = float(task.rows.plants.step[0] * task.rows.plants.timestep)
-                command = controller.command(time, measured)
-                _, reward, over, info = task.step_one(np.array([2.0 * command / largest - 1.0]))
-                total += reward
-            found += [info[name] for name in measures]
-        returns.append(total / len(loads))
-        criteria.append(found.mean() / len(loads))
-    assert spearmanr(returns, criteria).statistic < -0.95
-    assert -500 < min(returns) < max(returns) < -1
