@@ -277,21 +277,6 @@ def test_stacked_rows_are_observers(observer: Observer) -> None:
             np.testing.assert_array_equal(seen, wanted)
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        {"signals": ()},
-        {"signals": ("a", "a"), "scales": (1.0, 1.0)},
-        {"scales": (0.0, 1.0)},
-        {"command_max": (-1.0,)},
-        {"memory": (0.0,)},
-        {"peaks": {"c": 2.0}},
-    ],
-)
-def test_observers_that_cannot_be(arguments: dict[str, Any]) -> None:
-    refuses(lambda: Observer(**{"signals": ("a", "b"), "scales": (1.0, 1.0), **arguments}), "observer: ")
-
-
 ROWS = 8
 
 
