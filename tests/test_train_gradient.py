@@ -136,22 +136,6 @@ def test_the_actor_does_not_see_what_the_critic_is_told(algorithm: str) -> None:
         assert float(exported[0, 0]) == pytest.approx(acts(one), abs=2e-6)
 
 
-def test_what_is_exported_is_the_mean_over_updates() -> None:
-    _, venv = frames()
-    size = venv.observation_space.shape[0]
-    kwargs = {"front": size, "net_arch": {"pi": [5], "vf": [4]}}
-    model = stable_baselines3.PPO(POLICIES["ppo"], venv, seed=1, policy_kwargs=kwargs, device="cpu")
-    policy: Any = model.policy
-    first = network(policy).layers[0][0].copy()
-    with torch.no_grad():
-        policy.mlp_extractor.policy_net[0].weight.add_(1.0)
-    policy.average(0.25)
-    assert network(policy).layers[0][0] == pytest.approx(first + 0.25, abs=1e-6)
-    trained = {id(p) for group in policy.optimizer.param_groups for p in group["params"]}
-    assert not trained & {id(p) for p in policy.averaged.parameters()}
-    assert {id(p) for p in policy.action_net.parameters()} <= trained
-
-
 def test_a_memory_is_exported_with_its_past() -> None:
     task, venv = frames()
     size = task.observer.size
