@@ -86,18 +86,6 @@ def test_predict_prints_the_error_that_identify_calls_held_out(
     assert f"force_N: RMS error {by_hand:.4g}, {told['nrmse']:.3f} of its" in capsys.readouterr().out
 
 
-def test_mjcf_writes_a_model_that_loads(
-    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    import mujoco
-
-    assert cli.main(["mjcf", str(model), "-o", str(tmp_path / "rig")]) == 0
-    scene = capsys.readouterr().out.strip()
-    loaded = mujoco.MjModel.from_xml_path(scene)
-    assert loaded.actuator("damper").id == 0
-    assert cli.main(["mjcf", "vrths_2022", "-o", str(tmp_path / "other")]) == 0
-
-
 @pytest.mark.parametrize(
     ("call", "said"),
     [

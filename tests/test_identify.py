@@ -17,12 +17,12 @@ from excitation import random_steps, sine
 from laboratory import TRUE, identifiable, rig_tests
 from modules import CASES, needs
 from mrdamp.cli import main
-from mrdamp.diagnosis.form import Form, form_with
+from mrdamp.diagnosis.form import form_with
 from mrdamp.identify import Fit, error, identify
 from mrdamp.identify.findings import findings
 from mrdamp.identify.intervals import intervals
 from mrdamp.identify.least_squares import bounded_least_squares
-from mrdamp.model import Effect, Model
+from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record, embedded, read_record
 from mrdamp.records.motion import slowness
@@ -164,18 +164,6 @@ def test_a_delay_that_was_fitted_as_a_lag_is_told_and_parted() -> None:
     assert fit.model.attributes["command_delay_d"] == pytest.approx(0.004, rel=0.02)
 
 
-@pytest.mark.parametrize("steps", [False, True])
-def test_noise_or_steps_of_the_displacement_are_told(steps: bool) -> None:
-    rng, size = np.random.default_rng(3), 2e-5
-
-    def coarse(r: Record) -> Array:
-        x = r.displacement
-        return size * np.round(x / size) if steps else x + size * rng.standard_normal(r.n)
-
-    train = [r.with_channels({"displacement_m": coarse(r)}) for r in rig_tests("bouc_wen", chosen=(0, 4, 8))]
-    assert f"noise or steps of the displacement{'' if steps else ', 20 um'}" in said(train)[1]
-
-
 @pytest.mark.parametrize(("samples", "told"), [(5, False), (40, True)])
 def test_a_value_at_its_limit_is_told(samples: int, told: bool) -> None:
     train = [
@@ -260,19 +248,6 @@ def test_any_effect_is_fitted_along_by_its_name(tmp_path: Path) -> None:
     assert fit.held_out_nrmse < 0.02
     refuses(lambda: mrdamp.identify(tmp_path, "bingham", extras=["ghost"]), "allowed: auto, offset, .*, seal_friction")
     refuses(lambda: mrdamp.identify(tmp_path, "bingham", extras=["auto", "backlash"]), "finds the effects itself")
-
-
-def test_effects_fitted_along_are_told_with_all_their_numbers() -> None:
-    effects = Effect("driver_lag", {"tau": 0.012, "tau2": 0.004}), Effect("heating", {"capacity": 20.0, "kappa": 0.03})
-    model = Model("bingham", TRUE["bingham"], (*effects, Effect("gas_spring", {"f0": 3.0})))
-    lag, heat = Form(model, {"driver_lag": 0.9, "heating": None}).lines()[1:3]
-    assert lag == "  driver_lag: tau = 0.012 s, tau2 = 0.004 s"
-    assert heat == "  heating: capacity = 20 J/K, kappa = 0.03 1/K"
-    # One that is fitted along and not established is told with what it is worth.
-    assert Form(model, {"driver_lag": 0.9}, 0.5, {"heating": 0.8}).lines()[1:] == [
-        lag, "  on records left out of the fits they leave at most 50 % of the squared error of the law alone",
-        "  beside them heating, which is not established: it leaves 80 % of that", heat,
-    ]  # fmt: skip
 
 
 def test_a_law_gives_back_what_it_took_of_an_effect() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from mrdamp.narx.evaluation import evaluate, force_at_rest, free_run_error
 from mrdamp.narx.network import Network
 from mrdamp.narx.problems import OneStep
 from mrdamp.narx.prune import prune
-from mrdamp.narx.select import Candidate, Choice, Effort, Trial, as_good, select
+from mrdamp.narx.select import Candidate, Choice, Effort, as_good, select
 from mrdamp.narx.train import FitNarx, blank, train_narx
 from mrdamp.records import Record, embedded
 from narx_data import made
@@ -86,24 +85,6 @@ def test_choice_is_the_same_for_one_worker_and_two_and_goes_on_from_its_cache(tm
     assert said == [f"{what}: 0 to train" for what in ("inputs", "lags", "units")]
     cache.write_text("{}")
     refuses(lambda: choose(cache=cache), "no file of finished runs")
-
-
-@pytest.mark.slow
-def test_candidates_that_the_seeds_do_not_tell_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Errors of three seeds, given by hand: medians .10, .09 and .30; .25 to .31 does not overlap .08 to .12."""
-    errors = {1: (0.10, 0.08, 0.40), 2: (0.08, 0.12, 0.09), 3: (0.31, 0.30, 0.25)}
-
-    def tried(c: Candidate, train: object, validation: object, effort: object, seed: int) -> Trial:
-        return Trial(c, 0.0, 0.0, 0.0, errors[c.lags][seed - 7], 1.0, 9)
-
-    monkeypatch.setattr(import_module("mrdamp.narx.select"), "try_candidate", tried)
-    found = select(
-        TRAIN, VALIDATION, sets=("vF",), lags=(1, 2, 3), units=(4,), start=Candidate("", 1, (4,)), seed=7, seeds=3
-    )
-    assert [t.validation_free for t in found.lags] == pytest.approx([0.10, 0.09, 0.30])
-    assert found.candidate.lags == 2
-    assert found.lags[1].span("free_run") == (0.08, 0.12)
-    assert [t.candidate.lags for t in as_good(found.lags, "free_run")] == [1, 2]
 
 
 @pytest.mark.slow
