@@ -131,12 +131,6 @@ def test_rows_are_read_as_they_were_written(tmp_path: Path) -> None:
     np.testing.assert_equal([asdict(row) for row in read], [asdict(row) for row in ROWS])  # NaN equals NaN
 
 
-@pytest.mark.parametrize("text", ["", "[1]", '[{"case": "a"}]', "{"])
-def test_another_file_is_refused(tmp_path: Path, text: str) -> None:
-    (tmp_path / "rows.json").write_text(text)
-    refuses(lambda: rows_file.read(tmp_path / "rows.json"), "no file of scored rows")
-
-
 def test_table_counts_by_group() -> None:
     lines = dict(line.strip("| ").split(" | ", 1) for line in tool.table(ROWS).splitlines()[2:])
     assert lines["single effects named"].split(" | ") == [
@@ -172,18 +166,6 @@ def test_answers_of_a_measured_bench_are_scored(tmp_path: Path) -> None:
     assert row.after == pytest.approx(math.sqrt(2) / 2, rel=1e-3)
     assert row.base == pytest.approx(math.sqrt(2) / 2)
     assert "seconds" not in tool.table([row])
-
-
-def test_a_folder_without_labels_or_answers_is_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sys.argv", ["bench_table.py", str(tmp_path), "--save", str(tmp_path / "kept.json")])
-    assert tool.main() == 2
-    assert "labels.json" in capsys.readouterr().err
-    (tmp_path / "labels.json").write_text(json.dumps({"a": {"label": "driver_lag"}}))
-    assert tool.main() == 2
-    assert "no answer (diagnosis.json)" in capsys.readouterr().err
-    assert not (tmp_path / "kept.json").exists()
 
 
 SHARED = ROOT.parent / "shared" / "cases"
