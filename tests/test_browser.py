@@ -22,7 +22,7 @@ from mrdamp.diagnosis.report.result import Where
 from mrdamp.model import Model
 from mrdamp.motions import kanai_tajimi
 from mrdamp.records import embedded
-from test_diagnosis_changes import NOMINAL, found
+from test_diagnosis_report import NOMINAL, found
 
 #: Names under which distributions and the makers install it.
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

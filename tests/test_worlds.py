@@ -19,7 +19,7 @@ from mrdamp.model import core
 from mrdamp.model.attributes import law_number, vector
 from mrdamp.warp.convert import Worlds, sizes
 from refusals import refuses
-from test_laws_and_effects import DT, TERMS, damper, sampled, settings_of
+from test_laws import DT, TERMS, damper, sampled, settings_of
 
 LAWS = [law for law in core.laws() if law != "narx"]
 SPECIALISED = {"bingham": "Bingham", "bouc_wen": "BoucWen", "hyperbolic_tangent": "HyperbolicTangent",

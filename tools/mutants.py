@@ -81,7 +81,7 @@ def _some(of: str, file: str, tests: str, *pairs: tuple[str, ...]) -> Iterator[M
 
 _L, _E = "plugin_cpp/laws/", "plugin_cpp/effects/"
 _FORMS = "effect_forms current_forms effects"
-_MOUNT = "mount_forms effect_forms effects"
+_MOUNT = "current_forms effect_forms effects"
 MUTANTS = (
     *_some("bingham", _L + "bingham.h", "laws plugin_physics",
            ("k.c0 * v + k.yield * turn", "k.c0 * v - k.yield * turn"),
@@ -156,7 +156,7 @@ MUTANTS = (
     *_some("gas_spring", _E + "mechanics.h", _FORMS,
            ("(p.gas_spring_k2 + p.gas_spring_k3 * x) * x", "(p.gas_spring_k2 - p.gas_spring_k3 * x) * x"),
            ("p.gas_spring_f0", "-p.gas_spring_f0")),
-    *_some("moving_mass", _E + "mechanics.h", _FORMS + " plugin_moving_mass",
+    *_some("moving_mass", _E + "mechanics.h", _FORMS + " plugin_stability",
            ("p.moving_mass_m * (1 - p.moving_mass_share)", "p.moving_mass_m"),
            ("2 * kPi * p.moving_mass_hz", "p.moving_mass_hz", "sprung->first.Step("),
            ("second - first", "second + first")),
@@ -203,7 +203,7 @@ MUTANTS = (
     *_some("comfort (ISO 2631-1)", "src/mrdamp/simulation/criteria.py", "env_car",
            ("([w4 * w4 / w3, w4 * w4]", "([w4 / w3, w4 * w4]"),
            ("(2 * math.pi * f for f", "(math.pi * f for f")),
-    *_some("rewards", "envs/structure.py", "env_rewards env_frame env_contract",
+    *_some("rewards", "envs/structure.py", "env_frame env_contract",
            ("x - v[self._kept[part.column, part.over, True]]", "v[self._kept[part.column, part.over, True]] - x"),
            ("period[part.column] / v[part.over]", "period[part.column] * v[part.over]"),
            ("power = part.power * self.weights.exponent", "power = self.weights.exponent"),
@@ -211,14 +211,14 @@ MUTANTS = (
            ("v[at] + x", "x"),
            ("x = x / v[-2]", "x = x"),
            ("root(x) / root(v[t.over])", "root(x) / v[t.over]")),
-    *_some("reward of the frame", "envs/frame.py", "env_rewards env_frame env_contract",
+    *_some("reward of the frame", "envs/frame.py", "env_frame env_contract",
            ('Part("drift", 0, 0, 1.0)', 'Part("drift", 0, 1, 1.0)'),
            ("0.5 * frame.stiffness @ drift**2", "frame.stiffness @ drift**2")),
-    *_some("reward of the cable", "envs/cable.py", "env_rewards env_cable env_contract",
+    *_some("reward of the cable", "envs/cable.py", "env_frame env_cable env_contract",
            ('Part("motion", 0, 0, 0.5)', 'Part("motion", 1, 0, 0.5)'),
            ("0.5 * (v * v + w * w * q * q)", "0.5 * (v * v + w * q * q)"),
            ("push - damping * v - w * w * q", "push + damping * v - w * w * q")),
-    *_some("reward of the car", "envs/car.py", "env_rewards env_car env_contract",
+    *_some("reward of the car", "envs/car.py", "env_frame env_car env_contract",
            ('Part("airborne", 4)', 'Part("airborne", 3)'),
            ("CONVENTIONAL = 0.3", "CONVENTIONAL = 0.6"),
            ("out[0] *= wk(np.maximum(f, 1e-9))", "out[1] *= wk(np.maximum(f, 1e-9))")),
