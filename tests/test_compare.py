@@ -239,23 +239,17 @@ ON_A_ROAD = ("car", "--motions", "road.csv", "--controllers", "passive-on", "--j
     ("arguments", "says"),
     [
         (("bridge",), "environment 'bridge' is unknown"),
-        (("frame", "--amplitudes", "-1", "--controllers", "passive-on"), "amplitude is -1.0; allowed: a finite"),
-        (("frame", "--period", "-1", "--controllers", "passive-on"), "period is -0.001"),
         (("cable", "--period", "1e-9", "--controllers", "passive-on"), "allowed: 1e-05 to 10 s"),
         (("frame", "--compression", "1e-6", "--controllers", "passive-on", "--jobs", "1"), "2.5e+07 s in control"),
-        (("cable", "--motions", "a.csv"), "a cable has no ground motion"),
         (("frame", "--compression", "2", "--controllers", "best-constant"), "for this model with these settings yet"),
         (("frame", "--dampers", "0-9", "--controllers", "passive-on"), "damper_between is"),
         (("frame", "--dampers", "0-1", "1-2", "--bound", "--controllers", "passive-on"), "--bound is for one damper"),
         (("frame", "--spread", "0", "--controllers", "passive-on", "--engine", "chain"), "--spread 0; allowed"),
-        (("cable", "--dampers", "0-1"), "--dampers is for a frame"),
         (("cable", "--speed", "20", "--controllers", "passive-off"), "--speed is for files of roads"),
         (("cable", "--amplitudes", "1", "1.0", "--controllers", "passive-off"), "amplitude 1 is given twice"),
         # Roads of 4 m at a speed, m/s, that are over at once or never.
         ((*ON_A_ROAD, "1e9"), "road_3600000000_km_h: 4e-09 s in control periods of 0.005 s"),
         (("--preset", "cable", "--amplitudes", "2"), "--amplitudes has no effect on --preset cable"),
-        (("--preset", "dyke1996", "--engine", "chain"), "--engine has no effect on --preset dyke1996"),
-        (("--preset", "dyke1996"), "no_such.csv: not found"),
         (("--preset", "dyke1996", "--motions", "a.csv", "b.csv"), "2 motions; allowed: one"),
     ],
 )

@@ -219,7 +219,6 @@ def holed(text: str) -> str:
     [
         ((*COLUMNS[:3], "force_N=Load:kN"), str, "the damper would drive the rig .* force_N=-NAME"),
         (("time_s=Zeit:s", *COLUMNS[1:]), str, r"no column 'Zeit'; the file has No, t \[ms\], Load"),
-        (COLUMNS[:3], str, "no column is named for force_N"),
         ((*COLUMNS[:2], COLUMNS[3]), str, "no column is named for command; .* a constant is command=0:A"),
         (COLUMNS, headless, "the file has no header and 6 columns: name them by their numbers, such as time_s=1:ms"),
         (COLUMNS, lambda text: in_blocks(text).replace("\n700,", "\n700;"), "line 713 has 5 cells, 6 columns are"),
@@ -228,9 +227,6 @@ def holed(text: str) -> str:
         (COLUMNS, holed, r"sample 300: 0\.04 s are missing at 0\.596 s"),
         (COLUMNS, lambda text: text.replace("\n7,14.0", "\n7,4.0"), r"sample 8: the time does not increase"),
         (COLUMNS, lambda text: text.replace("750,ok\n9,", "x,ok\n9,"), r"line 10: I coil is not a number: 'x'"),
-        (("LVDT",), str, "allowed: CHANNEL=NAME:UNIT"),
-        (("displacement_m=LVDT:kN",), str, "unit 'kN' is unknown; allowed: m, cm, mm, um, in"),
-        (("force_N=F [kN]",), str, r"its name says kN; write 'force_N=F \[kN\]:kN'"),
         ((*COLUMNS[:3], "force_N=-Load:N"), with_units, "the row of units says kN for 'Load', the option N"),
         (
             (*COLUMNS[:3], "force_N=-Load:N"), lambda text: with_units(text).replace("\n-,", "\nm/s^2,"),

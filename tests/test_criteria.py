@@ -108,9 +108,7 @@ def test_a_command_counts_by_its_size_and_for_as_long_as_it_is_held() -> None:
     [
         ({"drift": np.zeros((3, 1))}, "drift has shape (3, 1); allowed: (3, 2)"),
         ({"acceleration": np.full((3, 2), np.nan)}, "acceleration has a value that is not finite"),
-        ({"force": [1.0, 2.0]}, "force has shape (2,); allowed: (3,)"),
         ({"time": [0.0, 1.0, 1.0]}, "does not increase"),
-        ({"time": [[0.0, 1.0]]}, "time has shape (1, 2); allowed: (n,)"),
     ],
 )
 def test_bad_arrays_get_one_line(change: dict[str, Any], says: str) -> None:

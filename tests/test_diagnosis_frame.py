@@ -1,4 +1,4 @@
-"""A frame's diagnosis on records that SciPy integrated: a fault in simulator, sensor or base, with and without a law."""
+"""A frame's diagnosis on records that SciPy integrated: a fault in simulator, sensor or base, with and without law."""
 
 from __future__ import annotations
 

@@ -156,17 +156,13 @@ def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        ("identify {set} --law binghamm -o {here}/m.json", "allowed: bingham, .*, narx"),
         ("identify {set} --law bingham --page {here}/p.html -o {here}/m.json",
          r"--page is for a network \(--law narx\); the law is bingham"),
-        ("identify {set} --law narx --intervals -o {here}/m.json", "--intervals is for laws"),
         ("identify {set} --law bingham --record a -o {here}/m.json", "--record is for --protocol varying"),
-        ("identify {set} --law bingham --by-command --dependence constant -o {here}/m.json", "--dependence has no"),
         ("identify {set} --law bingham --follows k1 -o {here}/m.json",
          "no coefficient k1 that may follow the command; allowed: c0, fy"),
         ("table1 {set} --cutoff-force", "--cutoff-force needs a --cutoff"),
         ("table1 {set} --network {here}/bingham.json", "law bingham; --network takes a network"),
-        ("calibrate --picture {here}/c.bmp", r"\.svg, \.png or \.pdf"),
     ],
 )  # fmt: skip
 def test_bad_requests_are_told(call: str, said: str, folder: Path, tmp_path: Path) -> None:

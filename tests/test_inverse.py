@@ -335,11 +335,8 @@ def test_the_command_with_everything(tmp_path: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["--seconds", "1"], "--seconds"),
         (["--commands", "1", "0"], "from 1 to 0"),
         (["--network", "missing.json"], "missing.json"),
-        (["--stroke", "-1"], "random motion"),
-        (["--plant", "nothing.json"], "nothing.json"),
     ],
 )
 def test_bad_input_of_the_command(arguments: list[str], named: str, tmp_path: Path) -> None:

@@ -99,16 +99,11 @@ def test_two_columns(tmp_path: Path) -> None:
     [
         (NEW_AT2.replace("NPTS=   7, DT=   .0050 SEC,", ""), "no NPTS, DT line"),
         (NEW_AT2.replace("NPTS=   7, DT=   .0050 SEC,", "NPTS"), "line 4: NPTS and DT not understood: 'NPTS'"),
-        (NEW_AT2.replace(".3000000E-01", "abc"), "line 5: not a number: 'abc'"),
         (NEW_AT2.replace("ACCELERATION TIME", "VELOCITY TIME"), "velocity or displacement"),
-        (NEW_AT2.replace("UNITS OF G", "UNITS OF CM/S/S"), "units of 'CM/S/S'"),
         (NEW_AT2.replace(" .3000000E-01", " 1.E+999"), "sample 3 is inf"),
         ("# dt_s=0.02\n1\nnan\n2\n", "line 3: column 1 is NaN"),
         ("# dt_s=0.02 n=5\n1\n2\n3\n", "3 samples, its header says n=5"),
-        ("# dt_s=oops\n1\n2\n3\n", "dt_s='oops' in the header is not a number"),
         ("0,1\n0.01,2\n0.03,3\n0.04,3\n0.05,3\n", "line 3: non-uniform clock"),
-        ("time_s,acceleration_cm_s2\n0,1\n1,2\n2,3\n", "no acceleration column"),
-        ("0,1\n10,2\n20,3\n30,1\n", "a sample every 10 s; allowed: up to 0.1 s"),
     ],
 )
 def test_files_that_are_no_motions(tmp_path: Path, text: str, expected: str) -> None:

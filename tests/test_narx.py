@@ -124,13 +124,9 @@ def test_weights_from_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 BROKEN = (
     ("version", "mrdamp-narx 1", "mrdamp-narx 2", "outside"),
-    ("channel", "F:1", "G:1", "`G:1` is none of"),
     ("lag too long", "F:5", "F:33", "`F:33` is none of"),
     ("not finite", "sample_time 0.002", "sample_time nan", "`nan` is not a finite number"),
-    ("sample time", "sample_time 0.002", "sample_time 0", "outside"),
     ("units", "hidden 1 15", "hidden 1 14", "is expected"),
-    ("text behind the end", "end", "end more", "goes on behind `end`"),
-    ("cut off", "bias", "", "where `bias` is expected"),
 )
 
 
@@ -269,13 +265,10 @@ def test_bad_input_is_told_in_a_line(folder: Path, tmp_path: Path) -> None:
     }
     cases: tuple[tuple[tuple[str | Path, ...], str], ...] = (
         ((sets["still"], *SMALL, "--inputs", "viF"), "the command never varies"),
-        ((sets["still"], *SMALL, "--protocol", "varying"), "the command never varies in any record"),
         ((folder, *SMALL, "--protocol", "constant"), "no training record has a constant command"),
         ((sets["stuck"], *SMALL), "channel displacement_m is constant"),
         ((sets["cut"], *SMALL), "clipped"),
         ((folder, *SMALL, "--hidden", "90"), "1100 samples for 721 weights; at least 1442"),
-        ((folder, *SMALL, "--inputs", "vq"), "network input q:0"),
-        ((folder, *SMALL, "--refined", "2"), "1, 2 of them refined"),
     )
     for arguments, message in cases:
         refuses(partial(run, "identify", *arguments, "-o", out), message)

@@ -203,15 +203,10 @@ def test_a_command_acts_as_the_constant_that_it_is(
     ("given", "body", "message"),
     [
         ("mine={}:Broken", "None", "its command at 0 s is None"),
-        ("mine={}:Broken", "float('nan')", "its command at 0 s is nan"),
         ("mine={}:Broken", "'2.25'", "own_law.py:Broken: its command at 0 s is '2.25'"),
-        ("mine={}:Broken", "10**400", r"its command at 0 s is 10+\.\.\."),
         ("mine={}:Broken", "exit(3)", "own_law.py:Broken: SystemExit: 3"),
         ("mine={}:Bare", "0", "Bare: too many positional arguments; allowed: a class or function of the site"),
-        ("mine={}:Lazy", "0", "lacks some of name, period"),
         ("mine={}:Broken", ")", "cannot be imported: SyntaxError"),
-        ("mine=no_such_module:Broken", "0", "cannot be imported: ModuleNotFoundError"),
-        ("mine={}.zip", "0", "cannot be read|no such file|not found"),
         ("policy:{}", "0", "no JSON"),
     ],
 )

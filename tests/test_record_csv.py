@@ -29,10 +29,7 @@ def test_gzip_windows_lines_byte_order_mark_and_end_blanks(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("wrong", "right"),
     [
-        ("force_kN", "force_N"), ("Force_N", "force_N"), ("force", "force_N"), ("Displacement [mm]", "displacement_m"),
         ("velocity_mm_s", "velocity_m_s"), ("acceleration_g", "acceleration_m_s2"),
-        ("acceleration_m_s^2", "acceleration_m_s2"), ("current_mA", "current_A"), ("command_V", "command"),
-        ("reference_force_kN", "reference_force_N"), ("ground_acceleration_g", "ground_acceleration_m_s2"),
         ("floor2_acceleration_g", "floor2_acceleration_m_s2"), ("floor0_displacement_m", "floor1_displacement_m"),
         ("time_ms", "time_s"),
     ],
@@ -71,10 +68,8 @@ def test_frame_channels_decide_what_is_required(tmp_path: Path) -> None:
     [
         (7, "0.014,nan,0.5,1", "line 9: displacement_m is NaN"),
         (7, "0.014,0.1,0.5,1e308", "line 9: force_N is 1e+308: every cell must be a finite number up to 1e+30"),
-        (7, "0.014,0.1,abc,1", "line 9: command is not a number: 'abc'"),
         (7, "0.014,0.1,,1", "line 9: command is empty"),
         (7, "0.014,0.1,0.5", "line 9 has 3 cells, 4 columns are needed"),
-        (7, "", "line 9 is empty"),
         (7, "0.014,0.1,1_0,1", "line 9: command is not a number"),
     ],
 )
@@ -91,14 +86,9 @@ def test_files_that_are_no_record(tmp_path: Path) -> None:
         ("cut.csv.gz", good[: len(good) // 2], "truncated"),
         ("plain.csv.gz", b"time_s,command\n", "not gzip"),
         ("packed.csv", good, "must end in .gz"),
-        ("bad.csv.gz", good[:30] + b"\xff\x00\xff\x00" + good[34:], "damaged"),
-        ("latin.csv", b"time_s,\xe9\n", "not a text file"),
-        ("numbers.csv", b"0,1,2\n0.1,1,2\n0.2,1,2\n", "no header"),
         ("semicolon.csv", b"time_s;displacement_m;command\n0;1;2\n", "separated by commas"),
         ("twice.csv", b"time_s,command,command,displacement_m\n", "two columns are named"),
-        ("unnamed.csv", b"time_s,,command,displacement_m\n", "column 2 has no name"),
         ("two.csv", b"time_s,displacement_m,command\n0,1,2\n1,1,2\n", "2 samples: at least 3"),
-        ("a.txt", b"time_s\n", "a record is a .csv or .csv.gz"),
     ]
     for name, data, expected in cases:
         path = tmp_path / name
@@ -138,7 +128,6 @@ def test_dropped_sample_is_found(tmp_path: Path, rate: float, place: int) -> Non
     [
         (40, 0.0795, "line 42: non-uniform clock"),  # a quarter of a step early
         (40, 0.078, "line 42: time_s does not increase: 0.078 after 0.078"),
-        (40, 0.05, "line 42: time_s does not increase"),
         (99, 0.1985, "line 101: non-uniform clock"),
     ],
 )

@@ -156,12 +156,9 @@ def test_a_training_that_was_stopped_goes_on_to_the_last_bit(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("start=nobody", "a shipped set"),
         ("start=ppo", "no linear policy"),
-        ("policy_kwargs.net_arch=[]", "sizes of hidden layers"),
         ("ground={frequency: 50}", "allowed: numbers frequency, damping, noise_ratio, precision"),
         ("teacher=", "a teacher"),
-        ("env_kwargs.history=2", "history"),
     ],
 )
 def test_settings_that_it_does_not_know_are_refused(tmp_path: Path, override: str, said: str) -> None:

@@ -50,10 +50,8 @@ def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:
     ("options", "said"),
     [
         ({"environment": "CartPole-v1"}, "CartPole"),
-        ({"overrides": ("learning_rate",)}, "NAME=VALUE"),
         ({"overrides": ("action=both",)}, "both"),
         ({"overrides": ("viscous=true", "switch=true")}, "exclude each other"),
-        ({"hyperparameters": Path("no/such.yml")}, "no such file"),
         ({"model": Path("a.json"), "others": (Path("b.json"),)}, "ppo: 2 models"),
     ],
 )
@@ -69,10 +67,8 @@ def test_wrong_options_are_refused_in_a_line_by_the_command(
         (["--set", "env_kwargs.periods=1"], "periods"),
         (["--set", "sigmas=1"], "'sigmas' is unknown; allowed: loads, population, "),
         (["--set", "sigma=abc"], "sigma is 'abc'; allowed: a finite number"),
-        (["--set", "policy_kwargs.net_arch=abc"], "net_arch is 'abc'; allowed: sizes of hidden layers"),
         (["--set", "env_kwargs.reward={exponent: abc}"], "exponent is 'abc'; allowed: above 0 to 20"),
         (["--sweep", "gamma=.9,.9"], "a value is given twice"),
-        (["--seeds", "0"], "--seeds"),
         (["--algo", "es", "--set", "env_kwargs.damper_between=[[0,1],[1,2]]"], "training 2 dampers: allowed"),
     ):
         assert main(["train", FRAME, "-o", out, *arguments]) == 2
@@ -137,13 +133,9 @@ def narrower(file: Path) -> None:
         ("es", "checkpoint.npz", cut, "damaged"),
         ("es", "checkpoint.npz", Path.unlink, "missing"),
         ("ppo", "checkpoint.pt", cut, "damaged"),
-        ("ppo", "checkpoint.pt", Path.unlink, "missing"),
-        ("es", "state.json", cut, "damaged"),
-        ("es", "normalization.npy", cut, "damaged"),
         ("es", "normalization.npy", narrower, "damaged"),
         ("es", "options.json", emptied, "damaged"),
         ("es", "policy.json", cut, "no JSON.*"),
-        ("es", "policy.json", Path.unlink, "missing"),
     ],
 )
 def test_a_damaged_training_is_named(
