@@ -67,6 +67,8 @@ def without_force(lines: list[str]) -> list[str]:
         ({"channels": ["time_s", "displacement_m", "command", "force"]}, ("case.json", "force")),
         ({"baseline": ["01.csv"]}, ("case.json", "or one of 'records'")),
         ({"baseline": ["no.csv"]}, ("no.csv", "no such")),
+        ({"hold": "yes"}, ("hold is 'yes'; allowed: true, false",)),
+        ({"holds": True}, ("'holds' is unknown; allowed: name, format",)),
     ],
 )
 def test_a_bad_case_is_refused_in_a_line(
@@ -85,6 +87,11 @@ def test_a_bad_case_is_refused_in_a_line(
     assert "\n" not in line
     assert all(word in line for word in words), line
     assert not out.exists()
+
+
+def test_a_case_says_whether_its_command_is_held(tmp_path: Path) -> None:
+    assert read_case(make_case(tmp_path / "yes", hold=True)).model.hold is True
+    assert read_case(make_case(tmp_path / "open")).model.hold is None
 
 
 def shrink(name: str, out: Path) -> float:

@@ -23,7 +23,6 @@ from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.stepping import FrameRun, run_frame
 from mrdamp.structures import dyke1996
 from networks import random_network
-from refusals import refuses
 
 MOTION = kanai_tajimi(3, duration=5.0, pga=5.0).compressed(5.0)
 OBSERVED, REWARDED = 0.005, 0.01  # RMS of the difference over the RMS
@@ -228,16 +227,3 @@ def test_noise_hangs_on_the_seed(given: dict[str, Any]) -> None:
     np.testing.assert_array_equal(one, again)
     assert [one.std(), other.std()] == pytest.approx([2.0, 2.0], rel=0.25)
     assert abs(np.corrcoef(one, other)[0, 1]) < 0.5
-
-
-@pytest.mark.parametrize("controller", ["passive-on", "constant:value=0.7", "clipped-optimal"])
-def test_a_comparison_on_the_chain_says_the_same(controller: str) -> None:
-    """Not so with a command that chatters, whose peaks hang on every switch."""
-    load, found = kanai_tajimi(5, duration=15.0, pga=3.0), {}
-    for engine in ("mujoco", "chain"):
-        bench = FrameBench(frame_model(), engine=engine)
-        free = bench.run("uncontrolled", load, 1.0)
-        values = bench.values(bench.run(controller, load, 1.0), free)
-        found[engine] = [values[key] for key in ("J1", "J2", "J4", "J5", "mean_command", "mean_current")]
-    np.testing.assert_allclose(found["chain"], found["mujoco"], rtol=0.02)
-    refuses(lambda: FrameBench(frame_model(), engine="none"), "engine is 'none'")

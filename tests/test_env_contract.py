@@ -276,9 +276,6 @@ def test_a_step_without_an_episode_asks_for_a_reset(single: Make, rows: Make, gi
                 ended.step(action)
     state = env.get_state()
     env.reset(seed=1)
-    env.step(np.zeros(1))
     env.set_state(state)
     with pytest.raises(ResetNeeded, match="is over; call reset"):
         env.step(np.zeros(1))
-    batch.reset(seed=2)
-    batch.step(np.zeros((2, 1)))

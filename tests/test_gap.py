@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +12,10 @@ import pytest
 from scipy.signal import lfilter
 
 from mrdamp import gap
-from mrdamp.control import registry
 from mrdamp.control.passive import Constant
 from mrdamp.envs.training_loads import tuning_motions, unseen_motions
 from mrdamp.errors import InputError
-from mrdamp.gap import Learning, Scenario, straightened
+from mrdamp.gap import Scenario, straightened
 from mrdamp.model import Effect, Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.stepping import run_frame
@@ -132,33 +130,6 @@ def test_a_policy_is_trained_on_a_structure_with_its_masses_and_stiffnesses() ->
     assert nominal.structure is not None
     np.testing.assert_allclose(structure.stiffness / nominal.structure.stiffness, [0.7, 1.0, 1.0])
     assert straightened(softer).effects == effects[1:]
-
-
-@pytest.mark.slow  # a training is judged on 84 motions at least once
-def test_a_learned_controller_is_trained_in_the_simulator_that_it_is_given(tmp_path: Path) -> None:
-    """In another simulator it is another one; a training is made once."""
-    pytest.importorskip("yaml")
-    learning = Learning.of("learned:timesteps=1", 3, tmp_path)
-    assert learning is not None
-    nominal = nominal_frame()
-    softer = replace(nominal, effects=(Effect("storey_stiffness", {"e": -0.3}, 1),))
-    site, seen = registry.Site.of(nominal), {"acceleration_3": 2.0, "displacement_1": 1e-3, "force": 200.0}
-    y = dict.fromkeys(["acceleration_1", "acceleration_2", "acceleration_3"], 0.0) | seen
-    trained, commands = [], []
-    for model in (nominal, softer, nominal):
-        told: list[float] = []
-        controller = learning.train([model], site, lambda what, share: told.append(share))  # noqa: B023
-        controller.reset()
-        motion = [{name: v * np.sin(0.3 * k) for name, v in y.items()} for k in range(60)]
-        commands.append([controller.command(0.002 * k, now) for k, now in enumerate(motion)])
-        trained.append(bool(told))
-    assert trained == [True, True, False]
-    assert len(list(tmp_path.iterdir())) == 2
-    assert commands[0] == commands[2] != commands[1]
-    both = learning.train([nominal, softer], site)
-    assert both is not None
-    [folder] = [f for f in tmp_path.iterdir() if (f / "model_2.json").is_file()]
-    assert len(json.loads((folder / "training" / "options.json").read_text())["options"]["others"]) == 1
 
 
 @pytest.mark.slow

@@ -226,15 +226,6 @@ def test_a_preload_of_many_times_the_loop_is_fitted() -> None:
     assert fit.train_nrmse < 0.01
 
 
-def test_held_out_records_that_are_faster_than_all_fitted_ones_are_told() -> None:
-    """2 pi f times 10 mm, in m/s."""
-    slow, same, fast = (_bingham(f, 0.0) for f in (1.0, 1.1, 3.0))
-    fit = identify("bingham", [slow], [same, fast], starts=1)
-    lines = [line for line in findings(fit, [slow], [same, fast]) if "extrapolation" in line]
-    assert len(lines) == 1
-    assert lines[0].startswith("sine_3.0: held out with speeds up to 0.188 m/s, fitted up to 0.0628")
-
-
 def test_any_effect_is_fitted_along_by_its_name(tmp_path: Path) -> None:
     """12 kg beyond the damper, added to the force of SciPy's integrator."""
     for part in ("train", "validation"):

@@ -320,18 +320,6 @@ def test_the_command_without_a_network(tmp_path: Path, capsys: pytest.CaptureFix
     assert len(lines) == len(tables["unrelated"]) == 4
 
 
-@pytest.mark.slow
-def test_the_command_with_everything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    MODEL.write(tmp_path / "model.json")
-    call: list[str | Path] = ["inverse", tmp_path / "model.json", "--law", "bingham", "--seconds", "4"]
-    assert run(*call, "--json", "-o", tmp_path / "out") == 0
-    rows = {row["inverse"]: row for row in json.loads(capsys.readouterr().out)["wanted"]["between"]}
-    for name in ("law inverse", "network inverse"):
-        assert rows[name]["relative_error_percent"] < 0.6 * rows["on/off switching"]["relative_error_percent"]
-    again: list[str | Path] = [*call[:2], "--network", tmp_path / "out" / "network.json", "--seconds", "2"]
-    assert run(*again, "--stroke", "0.003", "-o", tmp_path / "again") == 0
-
-
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [

@@ -10,7 +10,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, firwin, lsim, lti, sosfilt
 
-from mrdamp.diagnosis.problem.command_memory import ALONG, log_entry
+from mrdamp.diagnosis.problem.command_memory import ALONG
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.report.handover import agreement
 from mrdamp.model import Effect, Model
@@ -222,12 +222,3 @@ def test_a_diagnosis_simulates_as_predicted(record: Record) -> None:
     assert led < 0.5 * along < 0.5 * plain
     predicted = free_run(model(), record)["force_N"]
     np.testing.assert_allclose(together[0, 0, 60:-60], predicted[60:-60], atol=0.01 * np.abs(predicted).max())
-
-
-def test_a_file_tells_how_the_command_was_logged(record: Record) -> None:
-    settings = {"remanence_b": B, "remanence_d": D, ALONG: 1.0}
-    found = DamperRig(Model("bingham", LINES), (record,)).model(settings)
-    again = Model.from_dict(found.to_dict())
-    assert again.extra[LOG] == AS_SENT
-    assert {e.name for e in again.effects} == {"remanence"}
-    assert log_entry({}) == {}

@@ -9,11 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.signal import csd, welch
 
-from mrdamp import motions
 from mrdamp.envs import AmbientLoads, RecordedMotions, SyntheticMotions, WindLoads
 from mrdamp.errors import InputError
 from mrdamp.motions import GroundMotion, embedded_motion, kanai_tajimi, read_motion
@@ -109,24 +106,6 @@ def test_two_columns(tmp_path: Path) -> None:
 def test_files_that_are_no_motions(tmp_path: Path, text: str, expected: str) -> None:
     assert expected in refused(write(tmp_path, text, "a.AT2" if "PEER" in text else "a.csv"))
     assert "no such file" in refused(tmp_path / "nowhere.AT2")
-
-
-@settings(max_examples=150, deadline=None)
-@given(st.text(max_size=200), st.booleans(), st.sampled_from(["", "# dt_s=0.01\n", NEW_AT2[:150], NEW_AT2]))
-def test_any_text_is_read_or_refused(text: str, at2: bool, head: str) -> None:
-    refusal = None
-    try:
-        if at2:
-            step, values, _ = motions.parse_at2("a.AT2", head + text)
-        else:
-            step, values, _ = motions.parse_csv("a.csv", head + text, 0.01)
-        motion = GroundMotion("a", step, values)
-    except InputError as error:
-        refusal = str(error)
-    if refusal is None:
-        assert np.isfinite(motion.acceleration).all()
-    else:
-        assert "\n" not in refusal
 
 
 def test_scaled_and_compressed() -> None:

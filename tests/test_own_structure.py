@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from gymnasium.wrappers import RescaleAction
 
 import mrdamp
 from env_arguments import OWN, dashpot
@@ -19,7 +18,7 @@ from mrdamp.compare.benches import bench_of
 from mrdamp.compare.comparison import compare
 from mrdamp.compare.contenders import contenders
 from mrdamp.control.policy import Policy
-from mrdamp.envs import FrameEnv, Goal, LinearStructure, Mechanics
+from mrdamp.envs import Goal, LinearStructure, Mechanics
 from mrdamp.envs.linear import own_kind
 from mrdamp.envs.plant_env import RowPlant
 from mrdamp.model import Effect, Model
@@ -216,30 +215,6 @@ def test_a_policy_says_so_where_a_measurement_is_no_number_or_missing() -> None:
     assert policy.command(0.0, y) == before
     first, *others = policy.observer.signals
     refuses(lambda: policy.command(0.0, dict.fromkeys(others, 0.0)), f"it needs the measurement {first}; there are")
-
-
-def test_a_saved_model_of_other_actions_or_statistics_is_refused_with_its_file(tmp_path: Path) -> None:
-    """Actions from 0 to 1 have the shape of those from -1 to 1, and mean other commands."""
-    library = pytest.importorskip("stable_baselines3", reason="needs the extra train")
-    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
-
-    def saved(name: str, make: Any) -> None:
-        venv = VecNormalize(DummyVecEnv([make]))
-        library.PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").save(tmp_path / f"{name}.zip")
-        venv.save(str(tmp_path / f"{name}.pkl"))
-
-    saved("own", FrameEnv)
-    saved("positive", lambda: RescaleAction(FrameEnv(), np.float32(0), np.float32(1)))
-    saved("longer", lambda: FrameEnv(history=3))
-
-    def mine(model: str, statistics: str) -> Any:
-        files = f"{tmp_path / model}.zip,{tmp_path / statistics}.pkl"
-        return contenders(BENCH, [f"mine={files}"], {})
-
-    assert len(mine("own", "own")) == 1
-    refuses(lambda: mine("positive", "own"), r"positive.zip: its actions are Box\(0.0, 1.0.* here: Box\(-1.0, 1.0")
-    refuses(lambda: mine("longer", "own"), "longer.zip: its observations are")
-    refuses(lambda: mine("own", "longer"), r"longer.pkl: its statistics are of .*\(18,\); allowed here: \(6,\)")
 
 
 def test_a_controller_that_remembers_earlier_runs_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -167,15 +167,6 @@ def test_pictures_of_records_are_readable() -> None:
     readable(pictures.histories(records))
 
 
-@pytest.mark.parametrize("count", [1, 30])
-def test_error_bars_are_readable(count: int) -> None:
-    names = [LONG if k % 3 == 1 else f"test_{k}" for k in range(count)]
-    errors = np.linspace(0.04, 0.9, count)
-    readable(pictures.error_bars(names, errors.tolist(), [k % 2 == 0 for k in range(count)]))
-    marks = {"hyperbolic tangent, quick fit": 0.14, "modified Bouc-Wen": 0.12}
-    readable(pictures.error_bars(names, errors.tolist(), [True] * count, marks))
-
-
 @pytest.mark.parametrize(("storeys", "count"), [(1, 1), (3, 6)])
 def test_pictures_of_frames_are_readable(storeys: int, count: int) -> None:
     drift, criteria = runs(storeys, count)

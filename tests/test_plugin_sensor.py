@@ -370,11 +370,3 @@ def test_arrow_is_as_long_as_the_force_and_against_the_motion(on: str, velocity:
     assert arrow.size[2] == pytest.approx(METRES_A_NEWTON * abs(data.actuator_force[0]), rel=1e-5)
     direction = arrow.mat.reshape(3, 3)[:, 2]
     np.testing.assert_allclose(direction, [-np.sign(velocity), 0, 0], atol=1e-6)
-
-
-def test_colour_follows_the_current_up_to_the_largest() -> None:
-    colours = [arrows(*pushed(0.3, current))[0].rgba for current in (0.0, 1.0, 2.0)]
-    off, half, on = (np.asarray(c, dtype=float) for c in colours)
-    np.testing.assert_allclose(half, (off + on) / 2, atol=1e-6)
-    assert off[2] > off[0]  # blue
-    assert on[0] > on[2]  # orange

@@ -15,7 +15,6 @@ from mrdamp.identify.intervals import channel_findings, few_groups, intervals
 from mrdamp.identify.laws import DEPENDENCES, Scales, parametric, space
 from mrdamp.model import Effect, Model, core
 from mrdamp.model.core import Array
-from mrdamp.pictures.identification import parameter_lines
 from mrdamp.records import Record
 from mrdamp.simulation.predict import free_run
 from mrdamp.simulation.stepping import drive_rig
@@ -303,16 +302,6 @@ def test_the_lines_are_those_of_the_damper() -> None:
     assert lines["fya"].values == pytest.approx([40.0, 220.0, 400.0], rel=0.05)
     assert set(lines) == {"c0a", "fya"}
     assert [model.parameters["v_ref"] for _, model, _ in found.at] == [p["v_ref"]] * 3
-    shown = [lines[name] for name in ("c0a", "fya")]
-    fig = parameter_lines(
-        [line.parameter for line in shown],
-        ["N s/m", "N"],
-        np.array(shown[0].commands),
-        [np.array(line.values) for line in shown],
-        [(line.zero, line.slope) for line in shown],
-    )
-    points = fig.axes[1].get_lines()[1]
-    assert points.get_ydata() == pytest.approx(shown[1].values)
 
 
 def test_records_with_a_varying_command_are_left_out() -> None:

@@ -1,9 +1,8 @@
-"""The written MJCF, stepped by MuJoCo, gives what the C entry predicts. Commands that a converter holds between
+"""The written MJCF of a frame, stepped by MuJoCo, gives what the C entry predicts. Commands that a converter holds between
 samples: the truth is a frame that SciPy integrates, sample by sample."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -17,66 +16,22 @@ from dampers import off
 from excitation import Array
 from frame_case import DT, NOISE, SECONDS, believed, ground
 from mrdamp import sets
-from mrdamp.diagnosis.case.folder import Case, read_case
+from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.problem.command_hold import with_hold
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.identify import error, identify
 from mrdamp.model import Effect, Model, core
-from mrdamp.records import Record, embedded
+from mrdamp.records import Record
 from mrdamp.records.log_filter import held
 from mrdamp.simulation import stepping
 from mrdamp.simulation.predict import free_run
 from mrdamp.structures import ShearFrame, dyke1996
-from refusals import refuses
 
 LIMIT = 0.006  # of the RMS; most of it is the command, straight in a record, that the engine holds over its steps
 
 SPENCER = {k: v for k, v in sets.load("dyke1996_3kN").parameters.items() if not k.startswith("command")}
-TANH = {
-    "k0a": 500.0, "k0b": 0.0, "k1a": 2e5, "k1b": 1e5, "c0a": 800.0, "c0b": 300.0, "c1a": 500.0, "c1b": 100.0,
-    "m0": 0.5, "f0a": 60.0, "f0b": 500.0, "v_ref": 0.004,
-}  # fmt: skip
-LAWS = {"modified_bouc_wen": SPENCER, "hyperbolic_tangent": TANH}
 
 SERIES = Effect("trapped_gas", {"force": 200.0, "s_g": 5e-4, "shape": 1.2, "width": 5e-3, "series": 1.0})
-EFFECTS = {
-    "driver, friction, mass, heat, gas, remanence, lag": (
-        Effect("driver_lag", {"tau": 0.01, "tau2": 0.003}),
-        Effect("remanence", {"b": 0.1, "d": 0.2}),
-        Effect("heating", {"kappa": 0.02, "kappa_yield": 0.01, "capacity": 50.0, "loss": 1.0}),
-        Effect("trapped_gas", {"d": 0.4}),
-        Effect("seal_friction", {"coulomb": 40.0, "breakaway": 1.5}),
-        Effect("moving_mass", {"m": 3.0}),
-        Effect("sensor_lag", {"tau": 0.004}),
-    ),
-    "delay, mount, gap, leak": (
-        Effect("command_delay", {"d": 0.012}),
-        Effect("mount_compliance", {"k": 2e6}),
-        Effect("backlash", {"gap": 4e-4}),
-        Effect("sensor_leakage", {"tau": 0.5}),
-    ),
-    "a valve's plate, gas in series": (Effect("asymmetry", {"a": 0.2, "force": 300.0, "time": 0.02}), SERIES),
-    "gas in series behind a mount": (Effect("mount_compliance", {"k": 2e6}), SERIES),
-    "shift, saturation, gain": (
-        Effect("channel_shift", {"d": 0.003}),
-        Effect("saturation", {"i_s": 1.0, "shape": 1.0}),
-        Effect("sensor_gain", {"g": 1.2}),
-        Effect("sensor_offset", {"f": 30.0, "settle": 200.0, "time": 0.3}),
-        Effect("gas_spring", {"k": 3000.0, "k2": 5.0, "f0": 50.0}),
-    ),
-}
-
-
-@pytest.mark.parametrize("effects", EFFECTS)
-@pytest.mark.parametrize("law", LAWS)
-def test_the_rig_agrees_with_the_c_entry(law: str, effects: str) -> None:
-    record = embedded()["random_random_current_2"].part(0.0, 4.0)
-    inputs = {name: record.channel(name) for name in ("displacement_m", "command")}
-    model = Model(law, LAWS[law], EFFECTS[effects])
-    predicted = model.simulate(record.sample_time, inputs)
-    stepped = stepping.drive_rig(model, record.sample_time, inputs)
-    for name, values in predicted.items():
-        assert off(stepped[name], values) < LIMIT, name
 
 
 FRAME_EFFECTS = {
@@ -266,20 +221,3 @@ def test_a_held_delay_is_exact_between_steps() -> None:
                 level, target, at = target + (level - target) * np.exp(-(when - at) / tau), to, when
             expected[j] = target + (level - target) * np.exp(-(t - at) / tau)
         np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
-def written(folder: Path, **keys: object) -> Path:
-    folder.mkdir()
-    r = noisy(clean("jumping", 1, "held"), 1)
-    r.save(folder / "a.csv")
-    nominal, channels = believed().to_dict()["model"], [n for n in r.channels if n != "time_s"]
-    data = {"name": "x", "format": 1, "rig": "frame", "nominal": nominal, "channels": channels, "records": ["a.csv"]}
-    (folder / "case.json").write_text(json.dumps(data | keys))
-    return folder
-
-
-def test_a_case_says_whether_its_command_is_held(tmp_path: Path) -> None:
-    assert read_case(written(tmp_path / "yes", hold=True)).model.hold is True
-    assert read_case(written(tmp_path / "open")).model.hold is None
-    refuses(lambda: read_case(written(tmp_path / "word", hold="yes")), "hold is 'yes'; allowed: true, false")
-    refuses(lambda: read_case(written(tmp_path / "typo", holds=True)), "'holds' is unknown; allowed: name, format")
