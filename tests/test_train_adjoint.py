@@ -135,24 +135,6 @@ def test_what_is_exported_is_what_was_trained(run: AdjointRun, tmp_path: Path) -
     assert (run.soft.commands(o) > 0).any()
 
 
-@pytest.mark.slow
-def test_a_training_that_was_stopped_goes_on_to_the_last_bit(tmp_path: Path) -> None:
-    """Its states, their sizes and Adam's moments are kept: the next steps give the same weights."""
-    whole = made(tmp_path / "whole")
-    whole.step()
-    whole.out.mkdir()
-    whole.save()
-    whole.state_file.write_text('{"curve": [{"timesteps": 0, "score": 1}], "seconds": 0}')
-    Policy.read(shipped_policies("frame")["learned"][0]).write(whole.out / "policy.json")
-    resumed = made(tmp_path / "whole")
-    resumed.curve.append({"timesteps": float(resumed.timesteps), "score": 1.0})
-    assert not resumed.due(), "of this point there is a row already"
-    for run in (whole, resumed):
-        run.step()
-    for one, other in zip(whole.soft.parameters(), resumed.soft.parameters(), strict=True):
-        assert torch.equal(one, other)
-
-
 @pytest.mark.parametrize(
     ("override", "said"),
     [

@@ -3,7 +3,7 @@ paid against the score that a policy is judged by."""
 
 from __future__ import annotations
 
-import io
+import json
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ pytest.importorskip("sb3_contrib", reason="sb3-contrib is not installed")
 import sb3_contrib
 import stable_baselines3
 import torch
-from stable_baselines3.common.save_util import load_from_zip_file
 
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.observe import Observer
@@ -170,30 +169,23 @@ SMALL = (
 )  # fmt: skip
 
 
-def ppo(timesteps: int = 512) -> Options:
-    return Options(timesteps=timesteps, overrides=(*SMALL, "n_steps=32", "batch_size=64", "freeze=128"), evaluations=2)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("algorithm", "own"),
+    ("algorithm", "timesteps", "own"),
     [
-        ("ppo", ("n_steps=32", "batch_size=64", "freeze=128", "renew=200")),
-        ("recurrent", ("n_steps=16", "batch_size=32", "freeze=0")),
-        ("sac", ("learning_starts=64", "buffer_size=1000")),
-        ("td3", ("learning_starts=64", "buffer_size=1000")),
+        ("ppo", 512, (*SMALL, "n_steps=32", "batch_size=64", "freeze=128", "renew=200")),
+        ("recurrent", 512, (*SMALL, "n_steps=16", "batch_size=32", "freeze=0")),
+        ("sac", 512, (*SMALL, "learning_starts=64", "buffer_size=1000")),
+        ("td3", 512, (*SMALL, "learning_starts=64", "buffer_size=1000")),
+        ("adjoint", 30_000, ("loads=2", "policy_kwargs.net_arch=[4]", "env_kwargs.timestep=0.001")),
     ],
 )
-def test_what_is_stopped_goes_on_as_if_it_had_not(algorithm: str, own: tuple[str, ...], tmp_path: Path) -> None:
-    """The same weights to the last bit, whose loads, noise, memories and drawn numbers are the same therefore. It
-    begins at its teacher, and what is kept is no worse."""
-    options = Options(algorithm=algorithm, timesteps=512, overrides=(*SMALL, *own), evaluations=4)
-
-    def weights(folder: Path) -> dict[str, Any]:
-        found: dict[str, Any] = load_from_zip_file(
-            io.BytesIO(torch.load(folder / GradientRun.kept_in, weights_only=False)["model"]), device="cpu"
-        )[1]["policy"]
-        return found
+def test_what_is_stopped_goes_on_as_if_it_had_not(
+    algorithm: str, timesteps: int, own: tuple[str, ...], tmp_path: Path
+) -> None:
+    """The same scores to the last bit, whose weights, loads, noise and memories are the same therefore. It begins at
+    its teacher, and what is kept is no worse."""
+    options = Options(algorithm=algorithm, timesteps=timesteps, overrides=own, evaluations=4)
 
     def stop(what: str, share: float) -> None:
         if share > 0.7:
@@ -202,17 +194,16 @@ def test_what_is_stopped_goes_on_as_if_it_had_not(algorithm: str, own: tuple[str
     whole = train(options, tmp_path / "whole")
     with pytest.raises(KeyboardInterrupt):
         train(options, tmp_path / "stopped", stop)
-    begun = weights(tmp_path / "stopped")
-    resumed = train(options, tmp_path / "stopped")
-    assert resumed.curve == whole.curve
-    expected, found = weights(tmp_path / "whole"), weights(tmp_path / "stopped")
-    assert all(torch.equal(found[name], expected[name]) for name in expected)
-    assert not all(torch.equal(begun[name], expected[name]) for name in expected)
-    base = GradientRun(options, settings(options), tmp_path / "other", 4)
-    base.model = None
-    drift = float(base.judge(base.policy())["drift_ratio"].mean())
-    assert whole.curve[0]["drift_ratio"] == pytest.approx(drift, rel=2e-3)
+    assert len(json.loads((tmp_path / "stopped" / "state.json").read_text())["curve"]) < len(whole.curve)
+    assert train(options, tmp_path / "stopped").curve == whole.curve
+    policies = [(tmp_path / folder / "policy.json").read_text() for folder in ("whole", "stopped")]
+    assert policies[0] == policies[1]
     assert whole.best["score"] <= whole.curve[0]["score"] != whole.curve[-1]["score"]
+    if algorithm != "adjoint":
+        base = GradientRun(options, settings(options), tmp_path / "other", 4)
+        base.model = None
+        drift = float(base.judge(base.policy())["drift_ratio"].mean())
+        assert whole.curve[0]["drift_ratio"] == pytest.approx(drift, rel=2e-3)
 
 
 FRAME, CABLE, CAR = "mrdamp/Frame-v0", "mrdamp/Cable-v0", "mrdamp/QuarterCar-v0"
