@@ -56,19 +56,6 @@ def test_packages_are_the_functions_of_their_names() -> None:
         assert name in dir(mrdamp)
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"controllers": "passive-on"}, "controllers is 'passive-on'; allowed: a list of names"),
-        ({"motions": [1]}, "1 is no load of a frame"),
-        ({"controllers": ["constant:value=2.3"]}, r"value is 2.3; allowed: 0 to 2.25"),
-        ({"command_unit": "kV"}, "command_unit is 'kV'; allowed: A, V"),
-    ],
-)
-def test_wrong_values_are_told_in_a_line(given: dict[str, Any], said: str) -> None:
-    refuses(lambda: mrdamp.compare("frame", **({"controllers": ["passive-on"]} | given)), said)
-
-
 def test_wrong_kinds_are_told_in_a_line() -> None:
     refuses(lambda: mrdamp.identify(3, "bingham"), "records is 3; allowed: records or their files")  # type: ignore[arg-type]
     records = embedded().train[:1]

@@ -163,17 +163,6 @@ def test_forms_of_a_cause_share_its_prior(terms: dict[str, Term]) -> None:
     assert sets["trapped_gas",] / sets["channel_shift",] == pytest.approx(3 / 8)
 
 
-@pytest.mark.parametrize(("least", "cause"), [(True, "mount_compliance"), (False, "backlash")])
-def test_a_clearance_that_is_none_is_a_spring(terms: dict[str, Term], least: bool, cause: str) -> None:
-    backlash, mount = terms["backlash"], terms["mount_compliance"]
-    point = Hypothesis((), (backlash,)).start()
-    if least:
-        point[0] = Hypothesis((), (backlash,)).bounds()[0][0] + 0.1
-    clearance = made(backlash, 0.0101, point)
-    assert ("backlash_gap" in clearance.at_lower_bounds) == least
-    assert chosen(clearance, made(mount, 0.0110)) == (cause,)
-
-
 @pytest.mark.parametrize(
     ("form", "ratio", "cause"),
     [

@@ -184,25 +184,6 @@ def test_a_correction_has_to_hold_on_left_out_records(
     assert after.unknown == (0.6 if verdict == "unknown" else UNSTEADY)
 
 
-@pytest.mark.parametrize("verdict", ["effect", "unknown"])
-@pytest.mark.parametrize("better", [True, False])
-def test_a_simulator_that_was_identified_on_the_records_is_judged_by_left_out_fits_of_its_law(
-    answered: tuple[Search, list[Fit], Decision], better: bool, verdict: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It leaves less of these records than any left-out fit, and its law, left out, twice as much."""
-    search, fits, decision = answered
-    problem, factor = search.problem, 0.99 if better else 1.01
-    share = 2 * factor * ALLOWED
-    final = FinalFit(next(f for f in fits if f.hypothesis.causes), share * problem.gaps(search.residual), problem)
-    monkeypatch.setattr(search, "missed", True)
-    monkeypatch.setattr(search, "law_alone", 2 * search.residual, raising=False)
-    monkeypatch.setattr(Search, "predicted", lambda self, found: share * self.residual)
-    monkeypatch.setattr(judgement, "predicted_gap", lambda model, problem: 0.1)
-    monkeypatch.setattr(judgement, "AGREEMENT", np.inf)
-    handed, after = never_worse(search, fits, final, replace(decision, verdict=verdict))
-    assert (handed is final, after.verdict) == (better, verdict if better else "unknown")
-
-
 @pytest.mark.parametrize(
     ("verdict", "where", "gap", "kept"),
     [

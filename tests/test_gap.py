@@ -23,7 +23,7 @@ from refusals import refuses
 from studies.blindtest.rig import RATE_HZ
 from studies.gap import real
 from studies.gap.page import page
-from studies.gap.real import NONE, nominal_frame
+from studies.gap.real import nominal_frame
 from studies.gap.study import Options, study
 
 
@@ -183,15 +183,3 @@ def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
     assert "check" not in dict(gap.rows(found))
     assert "not the rig" in dict(gap.rows(replace(found, verdict="unknown", named=())))["check"]
     assert Model.read(tmp_path / "corrected.json").effects == softer[0].effects
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"effects": (NONE,)}, "none"),  # but beside another law
-        ({"controller": "learned:steps=3"}, "option 'steps'"),
-        ({"controller": "learned:timesteps=0"}, "> 0"),
-    ],
-)
-def test_wrong_options_are_told(options: dict[str, object], said: str) -> None:
-    refuses(lambda: Options(**options), said)  # type: ignore[arg-type]

@@ -16,9 +16,8 @@ from command_call import caller
 from excitation import Array
 from mrdamp import sets
 from mrdamp.commands.inverse import add_to
-from mrdamp.errors import InputError
 from mrdamp.inverse import Inverse, LawInverse
-from mrdamp.inverse.baselines import Extrapolation, Fixed, Switching, command_range
+from mrdamp.inverse.baselines import Extrapolation, Fixed, Switching
 from mrdamp.inverse.network import LAGS, NetworkInverse, train_inverse
 from mrdamp.inverse.rig import Sizes, records_of, wanted_force
 from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, rms, search, track
@@ -122,7 +121,6 @@ def test_the_share_of_a_ringing_is_the_least_squares_one(turns: float) -> None:
     assert extrapolated.share == pytest.approx(max(math.sin(angle) / angle, 0.0), abs=0.01)
 
 
-
 def test_what_is_left_of_an_error_is_its_correlation() -> None:
     """An error that forgets by a factor f each period leaves f^n after n."""
     forgets, periods = 0.9, 5
@@ -132,7 +130,6 @@ def test_what_is_left_of_an_error_is_its_correlation() -> None:
         error = forgets * error + float(rng.standard_normal())
         extrapolated(error, -error)
     assert extrapolated(1.0, -1.0) == pytest.approx(forgets**periods, abs=0.03)
-
 
 
 def test_a_preview_neither_turns_the_force_round_nor_more_than_doubles_it() -> None:
@@ -151,16 +148,6 @@ def test_search_finds_a_bent_root_and_keeps_the_last_command_without_authority()
     assert search(lambda u: math.tanh(2 * u), 0.5, 0.0, 3.0, 0.0) == pytest.approx(0.2747, abs=0.01)
     assert search(lambda u: 7.0, 3.0, 0.0, 3.0, 1.3) == 1.3
     assert search(lambda u: -u, -2.0, 0.0, 3.0, 0.0) == pytest.approx(2.0)
-
-
-def test_bad_input_is_told() -> None:
-    open_range = Model("bingham", {k: v for k, v in BINGHAM.items() if not k.startswith("command")})
-    refuses(lambda: command_range(open_range), "no command_max")
-    assert command_range(open_range, (0.0, 1.5)) == (0.0, 1.5)
-    refuses(lambda: command_range(open_range, (1.0, 0.0)), "from 1 to 0")
-    with pytest.raises(InputError, match="longer than the command's delay"):
-        LawInverse(damper(Effect("command_delay", {"d": 0.01})), PERIOD, 0.005)
-    refuses(lambda: LawInverse(damper(), 0.0), "period")
 
 
 LAG = Effect("driver_lag", {"tau": 0.005})
@@ -217,18 +204,6 @@ def test_figures_of_a_track() -> None:
     assert run.relative_error == pytest.approx(5.0 / rms(wanted))
     assert run.mean_command == pytest.approx(1.0)
     assert run.switching(2.0) == pytest.approx(1.5)  # three changes in two seconds, all of the range
-
-
-@pytest.mark.parametrize("kind", ["between", "unrelated"])
-def test_wanted_forces_stay_within_reach(kind: str) -> None:
-    t = grid(8000)
-    _, v, _ = MOTION.sample(t)
-    off, on = force_of(v, np.zeros(8000)), force_of(v, np.full(8000, 2.0))
-    wanted = wanted_force(kind, off, on, 4)
-    low, high = np.minimum(off, on), np.maximum(off, on)
-    assert ((wanted >= low - 1e-9) & (wanted <= high + 1e-9)).all()
-    assert rms(wanted - off) > 0.1 * rms(on - off)
-    assert rms(wanted - on) > 0.1 * rms(on - off)
 
 
 def test_the_law_tracks_in_mujoco_and_noise_does_not_undo_it() -> None:

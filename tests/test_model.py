@@ -118,18 +118,6 @@ def test_a_bad_file_is_told_in_a_line_with_its_name(
     assert len(text) < 900
 
 
-@pytest.mark.parametrize(
-    ("effect", "said"),
-    [
-        (Effect("ghost", {}), "driver_lag"),
-        (Effect("driver_lag", {"tau": float("nan")}), "finite"),
-        (Effect("storey_stiffness", {"e": 0.1}), "place None"),
-    ],
-)
-def test_a_bad_effect_is_told(effect: Effect, said: str) -> None:
-    refuses(lambda: frame_model((effect,)), said)
-
-
 def test_arrays_of_another_width_are_refused() -> None:
     """They would be read beyond their end."""
     one = core.vector("bingham", {"c0a": 500.0, "c0b": 0.0, "fya": 50.0, "fyb": 0.0, "v_ref": 0.01})

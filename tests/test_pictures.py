@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from html.parser import HTMLParser
 from typing import Any
 
@@ -51,10 +50,6 @@ def runs(storeys: int, count: int) -> tuple[dict[str, np.ndarray], dict[str, Cri
         damper = {"force": 2000.0 * k * wave, "command": np.where(wave > 0, 0.5 * k, 0.0)} if k else {}
         criteria[name] = evaluate(frame, TIME, drift[name], acceleration, **damper)
     return drift, criteria
-
-
-def one_run(storeys: int) -> Criteria:
-    return runs(storeys, 1)[1]["uncontrolled"]
 
 
 def lines(ax: Axes) -> list[np.ndarray]:
@@ -125,19 +120,6 @@ def test_error_bars_put_the_held_out_first() -> None:
     assert [text.get_text() for text in fig.axes[1].get_yticklabels()] == ["0.200", "0.400", "0.100", "0.300"]
     assert list(np.asarray(ax.lines[0].get_xdata())) == [0.25, 0.25]
     assert "mark 0.25" in [text.get_text() for text, _ in texts(fig)]
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: loop(measured=np.zeros(3)), r"measured has shape \(3,\)"),
-        (lambda: loop("s", time=np.zeros(len(TIME))), "s: time does not increase"),
-        (lambda: pictures.drifts(TIME, {"a": np.ones((3, 3))}), r"drift has shape \(3, 3\)"),
-        (lambda: pictures.profile({"a": one_run(2), "b": one_run(3)}), "b has 3 storeys and a has 2"),
-    ],
-)
-def test_what_cannot_be_drawn_is_one_line(make: Callable[[], object], said: str) -> None:
-    refuses(make, said)
 
 
 def readable(fig: Figure) -> None:

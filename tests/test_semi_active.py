@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -226,16 +225,3 @@ def test_options_reach_the_controller() -> None:
     # With balance 1, a drift x and an acceleration w1^2 x cost the same.
     weights = registry.balanced(dyke1996(), 1.0)
     assert weights["drift_1"] == pytest.approx((2 * np.pi * 5.44) ** 4, rel=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("spec", "says"),
-    [
-        ("nothing", "controller 'nothing' is unknown; there are passive-off"),
-        ("constant:value=much", "value is 'much'; allowed: a number"),
-        ("constant", "value is missing; allowed: 0 to 2.25"),
-        ("clipped-optimal:level=2", "clipped-optimal: level is 2; allowed: 0 to 1"),
-    ],
-)
-def test_bad_specs_get_one_line(spec: str, says: str) -> None:
-    refuses(lambda: registry.make(spec, SITE), re.escape(says))

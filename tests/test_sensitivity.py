@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bingham_rig import write_case
 from mjcf_builders import dashpot
 from mrdamp.cli import main
 from mrdamp.diagnosis.case.folder import Case, read_case
@@ -127,28 +128,15 @@ def test_a_case_knows_the_records_that_its_simulator_was_identified_on(
     assert "'identified_on' must be a list" in capsys.readouterr().err
 
 
-BINGHAM = Model("bingham", {"c0a": 700.0, "c0b": 300.0, "fya": 60.0, "fyb": 500.0, "v_ref": 0.01})
-
-
 #: Three records of the embedded set at constant commands.
 HELD = [r for r in embedded().train if np.ptp(r.command) < 1e-3][:3]
-
-
-def written(folder: Path, nominal: Model, records: list[Record]) -> Path:
-    folder.mkdir()
-    for r in records:
-        r.save(folder / f"{r.name}.csv")
-    data = {"name": "rig", "format": 1, "rig": "damper", "nominal": nominal.to_dict()["model"]}
-    data |= {"channels": list(records[0].channels), "records": [f"{r.name}.csv" for r in records]}
-    (folder / "case.json").write_text(json.dumps(data))
-    return folder
 
 
 @pytest.fixture
 def case(tmp_path: Path) -> Path:
     kept = ("displacement_m", "command", "force_N")
     records = [Record(r.name, None, r.sample_time, {n: r.channel(n) for n in kept}).part(0, 2) for r in HELD]
-    return written(tmp_path / "case", BINGHAM, records)
+    return write_case(tmp_path / "case", {r.name: r.channels for r in records})
 
 
 class Knowing:
@@ -263,7 +251,8 @@ def test_a_gain_is_found_beside_the_load_cell(tmp_path: Path) -> None:
     """The real diagnosis, on records that another program made: the corrected simulator has the gain."""
     from mrdamp.identify import identify
 
-    folder = written(tmp_path / "case", identify("hyperbolic_tangent", HELD, starts=2).model, HELD)
+    nominal = identify("hyperbolic_tangent", HELD, starts=2).model.to_dict()["model"]
+    folder = write_case(tmp_path / "case", {r.name: r.channels for r in HELD}, nominal=nominal)
     out = tmp_path / "out"
     asked = ["--effects", "sensor_gain", "--sizes", "0.3"]
     assert main(["sensitivity", str(folder), "-o", str(out), *asked]) == 0

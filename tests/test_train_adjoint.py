@@ -15,7 +15,6 @@ from mrdamp.compare.contenders import shipped_policies  # noqa: E402
 from mrdamp.control.policy import Policy  # noqa: E402
 from mrdamp.train.adjoint import AdjointRun  # noqa: E402
 from mrdamp.train.settings import Options, settings  # noqa: E402
-from refusals import refuses  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("few_validation_motions")
 SHORT = ("loads=2", "policy_kwargs.net_arch=[4]", "env_kwargs.timestep=0.001")
@@ -133,15 +132,3 @@ def test_what_is_exported_is_what_was_trained(run: AdjointRun, tmp_path: Path) -
     force = read.observer.measured(o, "force")
     np.testing.assert_allclose(read.commands(o, force), run.soft.commands(o), atol=2e-4)
     assert (run.soft.commands(o) > 0).any()
-
-
-@pytest.mark.parametrize(
-    ("override", "said"),
-    [
-        ("start=ppo", "no linear policy"),
-        ("ground={frequency: 50}", "allowed: numbers frequency, damping, noise_ratio, precision"),
-        ("teacher=", "a teacher"),
-    ],
-)
-def test_settings_that_it_does_not_know_are_refused(tmp_path: Path, override: str, said: str) -> None:
-    refuses(lambda: made(tmp_path, override), said)

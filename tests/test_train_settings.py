@@ -46,19 +46,6 @@ def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:
     assert chosen.env_kwargs["period"] == settings(Options()).env_kwargs["period"]
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"environment": "CartPole-v1"}, "CartPole"),
-        ({"overrides": ("action=both",)}, "both"),
-        ({"overrides": ("viscous=true", "switch=true")}, "exclude each other"),
-        ({"model": Path("a.json"), "others": (Path("b.json"),)}, "ppo: 2 models"),
-    ],
-)
-def test_wrong_settings_are_refused(options: dict[str, Any], said: str) -> None:
-    refuses(lambda: settings(Options(**options)), said)
-
-
 def test_wrong_options_are_refused_in_a_line_by_the_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

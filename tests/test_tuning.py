@@ -27,7 +27,7 @@ from mrdamp.envs.training_loads import TrainingRoads, some_motions
 from mrdamp.errors import InputError
 from mrdamp.model import Effect
 from mrdamp.motions import TIME_SCALE, GroundMotion, kanai_tajimi
-from mrdamp.train.search import Cma, Shape, actions
+from mrdamp.train.search import Cma, Shape
 from mrdamp.train.worlds import Act, estimated, forces, world
 from refusals import refuses
 
@@ -194,15 +194,6 @@ def test_the_search_finds_the_minimum_of_an_ill_scaled_ellipsoid() -> None:
         cma.tell(cost(cma.ask()))
     assert cost(cma.mean) < 1e-7 * start
     assert cma.mean == pytest.approx(aim, abs=1e-3)
-
-
-def test_candidates_at_once_act_as_their_networks() -> None:
-    shape = Shape(5, [4])
-    rng = np.random.default_rng(0)
-    candidates, seen = rng.standard_normal((3, shape.size)), rng.standard_normal((3, 2, 5))
-    each = [[shape.network(c)(seen[k, j])[0] for j in range(2)] for k, c in enumerate(candidates)]
-    assert actions(shape.layers(candidates), seen) == pytest.approx(np.array(each))
-    assert (actions(shape.layers(shape.start(rng)[None]), seen[:1]) == 0).all()
 
 
 @pytest.mark.parametrize("hidden", [[], [3], [4, 2]])
