@@ -9,24 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.text import Text
-from matplotlib.transforms import Affine2D, Bbox
 
 from mrdamp import pictures
 from mrdamp.pictures import LoopData, style
 from mrdamp.report import Page
 from mrdamp.report import page as report
-from mrdamp.simulation.criteria import Criteria, evaluate
-from mrdamp.structures import ShearFrame
 from refusals import refuses
 
-LONG = "a_record_with_a_name_that_goes_on_and_on_for_no_reason_at_all_2.5Hz_10.0mm"
 TIME = np.arange(0.0, 4.0, 0.002)
-CONTROLLERS = ("uncontrolled", "passive-off", "best constant 0.75 V", "passive-on", "clipped-optimal", LONG)
 
 
 def loop(name: str = "sine_2.5Hz_5mm", scale: float = 1.0, **changes: Any) -> LoopData:
@@ -38,45 +31,12 @@ def loop(name: str = "sine_2.5Hz_5mm", scale: float = 1.0, **changes: Any) -> Lo
     return LoopData(name, **{"time": TIME, "command": np.ones_like(x), **given, **changes})
 
 
-def runs(storeys: int, count: int) -> tuple[dict[str, np.ndarray], dict[str, Criteria]]:
-    """Storey j of controller k drifts by 0.01 (N - j) / (1 + k) m."""
-    frame = ShearFrame(np.full(storeys, 1e3), np.full(storeys, 1e6), np.full(storeys, 1e3))
-    wave = np.sin(12 * TIME) * np.exp(-((TIME - 2) ** 2))
-    wave /= np.abs(wave).max()
-    drift, criteria = {}, {}
-    for k, name in enumerate(CONTROLLERS[:count]):
-        drift[name] = np.column_stack([0.01 * (storeys - j) / (1 + k) * wave for j in range(storeys)])
-        acceleration = 50 * np.cumsum(drift[name], axis=1) * (1 + k) ** 0.5
-        damper = {"force": 2000.0 * k * wave, "command": np.where(wave > 0, 0.5 * k, 0.0)} if k else {}
-        criteria[name] = evaluate(frame, TIME, drift[name], acceleration, **damper)
-    return drift, criteria
-
-
 def lines(ax: Axes) -> list[np.ndarray]:
     return [np.asarray(line.get_xydata()) for line in ax.lines if len(np.atleast_1d(line.get_xdata())) > 2]
 
 
 def bars(ax: Axes) -> list[float]:
     return [p.get_width() for p in ax.patches if isinstance(p, Rectangle) and p.get_height() > 0.5]
-
-
-def texts(fig: Figure) -> list[tuple[Text, Bbox]]:
-    """What is written and where, in points, after the layout."""
-    fig.set_dpi(4 * 72)
-    fig.draw_without_rendering()
-    scale = Affine2D().scale(0.25)
-    hidden = {label for ax in fig.axes for axis in (ax.xaxis, ax.yaxis) for label in _not_drawn(axis)}
-    found = [artist for artist in fig.findobj(Text) if isinstance(artist, Text) and artist not in hidden]
-    shown = [text for text in found if text.get_visible() and text.get_text().strip()]
-    return [(text, text.get_window_extent().transformed(scale)) for text in shown]
-
-
-def _not_drawn(axis: Axis) -> list[Text]:
-    """Labels of ticks beyond the limits, which an axis keeps and does not draw."""
-    low, high = sorted(axis.get_view_interval())
-    slack = 1e-9 * (high - low)
-    beyond = (t for t in (*axis.majorTicks, *axis.minorTicks) if not low - slack <= t.get_loc() <= high + slack)
-    return [label for t in beyond for label in (t.label1, t.label2)]
 
 
 def test_loops_show_force_over_displacement_and_velocity() -> None:
@@ -119,44 +79,6 @@ def test_error_bars_put_the_held_out_first() -> None:
     assert ax.yaxis_inverted()
     assert [text.get_text() for text in fig.axes[1].get_yticklabels()] == ["0.200", "0.400", "0.100", "0.300"]
     assert list(np.asarray(ax.lines[0].get_xdata())) == [0.25, 0.25]
-    assert "mark 0.25" in [text.get_text() for text, _ in texts(fig)]
-
-
-def readable(fig: Figure) -> None:
-    """No text leaves the picture, none lies over another, and all of it is at least 8.5 points high."""
-    found = texts(fig)
-    assert found
-    width, height = (72 * inch for inch in fig.get_size_inches())
-    assert width == pytest.approx(374)
-    for text, box in found:
-        name = text.get_text()
-        assert float(text.get_fontsize()) >= 8.5, name
-        assert box.x0 > -0.5, name
-        assert box.y0 > -0.5, name
-        assert box.x1 < width + 0.5, name
-        assert box.y1 < height + 0.5, name
-    for k, (text, box) in enumerate(found):
-        for other, second in found[k + 1 :]:
-            across = min(box.x1, second.x1) - max(box.x0, second.x0)
-            along = min(box.y1, second.y1) - max(box.y0, second.y0)
-            assert across < 0.5 or along < 0.5, f"{text.get_text()!r} lies over {other.get_text()!r}"
-
-
-def test_pictures_of_records_are_readable() -> None:
-    names = ("one", LONG, "triangle_2.5Hz_2.5mm_random_current")
-    records = [loop(name, scale=0.2 + 3 * k, note="held out, error 0.123") for k, name in enumerate(names)]
-    readable(pictures.loops(records))
-    readable(pictures.histories(records))
-
-
-@pytest.mark.parametrize(("storeys", "count"), [(1, 1), (3, 6)])
-def test_pictures_of_frames_are_readable(storeys: int, count: int) -> None:
-    drift, criteria = runs(storeys, count)
-    readable(pictures.drifts(TIME, drift))
-    readable(pictures.controllers(criteria))
-    readable(pictures.profile(criteria, ground_peak=3.0))
-    force = {name: 1e4 * values[:, 0] for name, values in drift.items()}
-    readable(pictures.command_history(TIME, {name: 0 * f for name, f in force.items()}, force))
 
 
 VOID = {"meta", "img", "wbr", "br", "link"}

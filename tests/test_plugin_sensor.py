@@ -334,39 +334,3 @@ def test_a_current_that_changes_its_sign_passes_zero() -> None:
     )
     since = np.maximum(np.arange(len(found)) * 1e-3 - 0.05, 0.0)
     np.testing.assert_allclose(found, np.abs(2.0 * np.exp(-since / 0.02) - 1.0), atol=1e-9)
-
-
-COLOURED = {"c0a": 100.0, "c0b": 200.0, "fya": 0.0, "fyb": 50.0, "v_ref": 0.01, "command_max": 2.0}
-METRES_A_NEWTON = 0.01 / 10.0  # of the models below: map.force over the mean mass
-TENDON = """<tendon><spatial name="t"><site site="wall"/><site site="on_j0"/></spatial></tendon>"""
-
-
-def arrows(model: mujoco.MjModel, data: mujoco.MjData, most: int = 100) -> list[mujoco.MjvGeom]:
-    made = mujoco.MjvScene(model, maxgeom=most)
-    every = mujoco.mjtCatBit.mjCAT_ALL
-    mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, mujoco.MjvCamera(), every, made)
-    geoms = [made.geoms[k] for k in range(made.ngeom)]
-    return [geom for geom in geoms if geom.type == mujoco.mjtGeom.mjGEOM_ARROW]
-
-
-def pushed(velocity: float, current: float, on: str = "joint") -> tuple[mujoco.MjModel, mujoco.MjData]:
-    transmission = {"joint": 'joint="j0"', "tendon": 'tendon="t"', "site": 'site="on_j0" gear="1 0 0 0 0 0"'}
-    wall, damper = '<site name="wall" pos="-1 0 0"/>', Damper("bingham", COLOURED, on=transmission[on])
-    model, data = compiled(document(wall + slider(10.0), [damper], extra=TENDON if on == "tendon" else ""))
-    model.vis.map.force, model.stat.meanmass = 0.01, 10.0
-    data.qvel[0], data.ctrl[0] = velocity, current
-    mujoco.mj_forward(model, data)
-    return model, data
-
-
-@pytest.mark.parametrize("on", ["joint", "tendon", "site"])
-@pytest.mark.parametrize("velocity", [0.3, -0.3])
-def test_arrow_is_as_long_as_the_force_and_against_the_motion(on: str, velocity: float) -> None:
-    model, data = pushed(velocity, 1.0, on)
-    (arrow,) = arrows(model, data)
-    force = 50.0 + 300.0 * abs(velocity)  # the law, its yield force fully turned
-    # The step is solved at its own end: a little less than the law at its start.
-    assert abs(data.actuator_force[0]) == pytest.approx(force, rel=0.05)
-    assert arrow.size[2] == pytest.approx(METRES_A_NEWTON * abs(data.actuator_force[0]), rel=1e-5)
-    direction = arrow.mat.reshape(3, 3)[:, 2]
-    np.testing.assert_allclose(direction, [-np.sign(velocity), 0, 0], atol=1e-6)
