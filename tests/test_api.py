@@ -84,12 +84,6 @@ FOLDER = Path(__file__).parents[1] / "examples"
 SCRIPTS = sorted(FOLDER.glob("[0-9]*.py"))
 
 
-def example(number: int) -> Callable[..., Any]:
-    (path,) = FOLDER.glob(f"{number:02d}_*.py")
-    main: Callable[..., Any] = runpy.run_path(str(path))["main"]
-    return main
-
-
 @pytest.mark.parametrize(
     ("number", "given", "holds"),
     [
@@ -105,7 +99,8 @@ def example(number: int) -> Callable[..., Any]:
     ],
 )
 def test_an_example_shows_what_it_says(number: int, given: dict[str, Any], holds: Callable[[Any], bool]) -> None:
-    found = example(number)(**given)
+    (path,) = FOLDER.glob(f"{number:02d}_*.py")
+    found = runpy.run_path(str(path))["main"](**given)
     assert holds(found), found
 
 
@@ -117,17 +112,12 @@ def test_the_scripts_run_whole(path: Path, tmp_path: Path, monkeypatch: pytest.M
     runpy.run_path(str(path), run_name="__main__")
 
 
-def notebook() -> NotebookNode:
-    text = (FOLDER / "whole_way.ipynb").read_text(encoding="utf-8")
-    found: NotebookNode = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
-    return found
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of the kernel's own libraries
 def test_it_runs() -> None:
     nbclient = pytest.importorskip("nbclient")
-    run = notebook()
+    text = (FOLDER / "whole_way.ipynb").read_text(encoding="utf-8")
+    run: NotebookNode = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
     nbclient.NotebookClient(run, timeout=600, resources={"metadata": {"path": str(FOLDER)}}).execute()
     printed = [o.text for c in run.cells if c.cell_type == "code" for o in c.outputs if "text" in o]
     assert any("driver" in text for text in printed)

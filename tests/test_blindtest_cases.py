@@ -78,41 +78,27 @@ def test_frame_case(tmp_path: Path) -> None:
     assert np.array_equal(ground[0], ground[1])
 
 
-@pytest.fixture(scope="module")
-def gained(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(misfit_case, "BASELINE", 1.0)  # every case has records of the rig before the cause
-        return made(tmp_path_factory.mktemp("gained"), "damper", "sensor_gain", 1, misfit=True)
-
-
-@pytest.fixture(scope="module")
-def control(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    return made(tmp_path_factory.mktemp("control"), "damper", OWN, 2, misfit=True)
-
-
-@pytest.fixture(scope="module")
-def framed(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    return made(tmp_path_factory.mktemp("framed"), "frame", "floor_mass@2", 3, misfit=True)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["gained", "control", "framed"])
-def test_simulator_leaves_three_to_fifteen_percent(name: str, request: pytest.FixtureRequest) -> None:
+@pytest.mark.parametrize(
+    ("rig", "cause", "seed"), [("damper", "sensor_gain", 1), ("damper", OWN, 2), ("frame", "floor_mass@2", 3)]
+)
+def test_simulator_leaves_three_to_fifteen_percent(rig: str, cause: str, seed: int, tmp_path: Path) -> None:
     """Without the cause; what the label calls its base is the same in the shared scorer's terms."""
-    case, tests, label = request.getfixturevalue(name)
+    case, tests, label = made(tmp_path, rig, cause, seed, misfit=True)
     counted = len(channels_by_test(tests)) * (3 if label["rig"] == "frame" else 1)
     assert commissioning.MISFIT[0] <= label["misfit"] <= commissioning.MISFIT[1]
     assert label["base"] == pytest.approx(label["misfit"] * np.sqrt(counted), rel=1e-9)
     model = Model.read(case)
     before, after = score.gaps(tests, lambda inputs: run.predicted(model, inputs))
     assert [after, label["gap"]] == pytest.approx([before, before], rel=1e-3)  # the nominal simulator's
-    assert label["gap"] == label["base"] if name == "control" else label["gap"] > 1.05 * label["base"]
+    assert label["gap"] == label["base"] if cause == OWN else label["gap"] > 1.05 * label["base"]
 
 
 @pytest.mark.slow
-def test_effect_is_in_the_records_and_not_in_the_baseline(gained: Made) -> None:
+def test_effect_is_in_the_records_and_not_in_the_baseline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A gain of one force channel: its ratio to the load cell of the same record."""
-    case, _, label = gained
+    monkeypatch.setattr(misfit_case, "BASELINE", 1.0)  # every case has records of the rig before the cause
+    case, _, label = made(tmp_path, "damper", "sensor_gain", 1, misfit=True)
     told = json.loads((case / "case.json").read_text())
     assert {path.name for path in case.glob("*.csv.gz")} == {*told["baseline"], *told["records"]}
     wanted = label["size"]["sensor.gain"]

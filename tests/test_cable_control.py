@@ -128,12 +128,6 @@ def test_outputs_of_a_stay_cable() -> None:
     refuses(lambda: cable_outputs(cable, (0.1,), ["acceleration_2"]), "measurement 'acceleration_2' is unknown")
 
 
-def ambient(seed: int) -> CableLoad:
-    """Six seconds of white noise, uniform along the cable."""
-    force = np.random.default_rng(seed).standard_normal((300, 1)) * 1.5
-    return CableLoad("noise", 0.02, np.array([0.5]), force)
-
-
 @pytest.mark.parametrize("engine", ["mujoco", "chain"])
 def test_force_and_energy_of_a_run_are_over_all_steps(engine: str) -> None:
     """By the samples of the same commands at every step of a fifth: the force follows the sign of a fast motion."""
@@ -152,7 +146,7 @@ def test_force_and_energy_of_a_run_are_over_all_steps(engine: str) -> None:
 @pytest.mark.slow
 def test_clipped_optimal_moves_the_cable_less_than_any_constant_command() -> None:
     bench = CableBench()
-    load = ambient(3)
+    load = CableLoad("noise", 0.02, np.array([0.5]), 1.5 * np.random.default_rng(3).standard_normal((300, 1)))
     bare = bench.run(UNCONTROLLED, load, 1.0)
     specs = ("clipped-optimal", *(f"constant:value={v}" for v in (0, 1, 2, 4)))
     motion = {s: bench.values(bench.run(s, load, 1.0), bare)["motion"] for s in specs}

@@ -165,7 +165,6 @@ CHIRP = 1000.0 * np.sin(2 * np.pi * (0.5 + 2.0 / GOOD.duration * T) * T)  # 0.5 
 @pytest.mark.parametrize(
     ("tests", "said"),
     [
-        ([GOOD.with_channels({"charge_pC": np.minimum(GOOD.channel("charge_pC"), 1e5)})], "clipped at"),
         (
             [calibration_test("chirp", 0.002, CHIRP, -158.0 * CHIRP)],
             r"chirp: the force is no sine: \d+ % of it",

@@ -242,10 +242,7 @@ ON_A_ROAD = ("car", "--motions", "road.csv", "--controllers", "passive-on", "--j
         (("cable", "--period", "1e-9", "--controllers", "passive-on"), "allowed: 1e-05 to 10 s"),
         (("frame", "--compression", "1e-6", "--controllers", "passive-on", "--jobs", "1"), "2.5e+07 s in control"),
         (("frame", "--compression", "2", "--controllers", "best-constant"), "for this model with these settings yet"),
-        (("frame", "--dampers", "0-9", "--controllers", "passive-on"), "damper_between is"),
         (("frame", "--dampers", "0-1", "1-2", "--bound", "--controllers", "passive-on"), "--bound is for one damper"),
-        (("frame", "--spread", "0", "--controllers", "passive-on", "--engine", "chain"), "--spread 0; allowed"),
-        (("cable", "--speed", "20", "--controllers", "passive-off"), "--speed is for files of roads"),
         (("cable", "--amplitudes", "1", "1.0", "--controllers", "passive-off"), "amplitude 1 is given twice"),
         # Roads of 4 m at a speed, m/s, that are over at once or never.
         ((*ON_A_ROAD, "1e9"), "road_3600000000_km_h: 4e-09 s in control periods of 0.005 s"),

@@ -219,14 +219,12 @@ def holed(text: str) -> str:
     [
         ((*COLUMNS[:3], "force_N=Load:kN"), str, "the damper would drive the rig .* force_N=-NAME"),
         (("time_s=Zeit:s", *COLUMNS[1:]), str, r"no column 'Zeit'; the file has No, t \[ms\], Load"),
-        ((*COLUMNS[:2], COLUMNS[3]), str, "no column is named for command; .* a constant is command=0:A"),
         (COLUMNS, headless, "the file has no header and 6 columns: name them by their numbers, such as time_s=1:ms"),
         (COLUMNS, lambda text: in_blocks(text).replace("\n700,", "\n700;"), "line 713 has 5 cells, 6 columns are"),
         (("time_s=t [ms]", *COLUMNS[1:]), lambda text: stamped(text).replace("14 23:59:59.014", "x"),
          "line 9: t .* neither a number nor a d"),
         (COLUMNS, holed, r"sample 300: 0\.04 s are missing at 0\.596 s"),
         (COLUMNS, lambda text: text.replace("\n7,14.0", "\n7,4.0"), r"sample 8: the time does not increase"),
-        (COLUMNS, lambda text: text.replace("750,ok\n9,", "x,ok\n9,"), r"line 10: I coil is not a number: 'x'"),
         ((*COLUMNS[:3], "force_N=-Load:N"), with_units, "the row of units says kN for 'Load', the option N"),
         (
             (*COLUMNS[:3], "force_N=-Load:N"), lambda text: with_units(text).replace("\n-,", "\nm/s^2,"),

@@ -146,10 +146,8 @@ def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureF
     [
         ("identify {set} --law bingham --page {here}/p.html -o {here}/m.json",
          r"--page is for a network \(--law narx\); the law is bingham"),
-        ("identify {set} --law bingham --record a -o {here}/m.json", "--record is for --protocol varying"),
         ("identify {set} --law bingham --follows k1 -o {here}/m.json",
          "no coefficient k1 that may follow the command; allowed: c0, fy"),
-        ("table1 {set} --cutoff-force", "--cutoff-force needs a --cutoff"),
         ("table1 {set} --network {here}/bingham.json", "law bingham; --network takes a network"),
     ],
 )  # fmt: skip

@@ -233,12 +233,9 @@ SLOW_STEPS = np.interp(
     [
         ("heating", [1.0], NOT_EXACT["heating"]),
         ("driver_lag", [0.0, 0.5, 1.0], "constant"),
-        ("command_delay", [0.0, 0.5, 1.0], "constant"),
-        ("remanence", [0.0, 0.5, 1.0], "constant"),
         ("saturation", [0.0, 0.5, 1.0], ""),
         ("saturation", [0.0, 0.5], "2 levels"),
         ("driver_lag", [STEPS], "levels"),
-        ("remanence", [STEPS], "levels"),
         ("command_delay", [STEPS], ""),
         ("driver_lag", [SLOW_STEPS], ""),
         ("driver_lag", [np.round(2 * wandering()) / 2], "leave its range"),

@@ -91,18 +91,13 @@ BEYOND = "it must be a finite number above 0"
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("", "empty"),
         (case(rig="frame"), "structure has no mass_kg"),
         (case(nominal={"law": "maxwell", "parameters": {}}), "modified_bouc_wen"),
-        (case(nominal={"law": "bingham", "parameters": {"c0a": 1.0}}), "c0b"),
-        (bingham(effect=[]), "'effect' is unknown; .*; nearest: effects"),
         (bingham({"fyaa": 1.0}), "'fyaa' is none of law bingham; .*; nearest: fya"),
         (bingham(effects=[placed("driver_lag", tau=0.01)] * 2), "driver_lag stands there twice"),
         (bingham(structure={"mass_kg": [1.0]}), "allowed: rig 'frame'"),
         (bingham({"c0a": -1000}), "c0a is -1000: c0 is -1000 at command 0; allowed: at least 0"),
-        (bingham({"c0a": 10**400}), "whole number of 401 digits"),
         (json.dumps(bingham()).replace('"c0a"', '"c0a": 1, "c0a"'), "'c0a' stands twice"),
-        (case(model={}), "both are in it"),
         (framed(**dict.fromkeys(STRUCTURE, [1.0] * 3000)), "3000 storeys; allowed are 1 to 200"),
         (framed([placed("storey_stiffness", 1, e=-2)]), f"stiffness_n_m of storey 1 is -516000; {BEYOND}"),
         (json.dumps(bingham(effects=[])).replace("[]", "[" * 100_000 + "]" * 100_000), "nested too deeply"),

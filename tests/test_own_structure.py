@@ -120,12 +120,10 @@ def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
     ("name", "value", "message"),
     [
         ("mass", -np.eye(2), "mass is not positive definite: its eigenvalues are from -1 to -1"),
-        ("mass", np.ones((2, 2)), "mass is not positive definite: its eigenvalues are from .* to 2"),
         ("stiffness", np.eye(3), r"stiffness has the shape \(3, 3\); allowed with 2 coordinates .* \(2, 2\)"),
         ("damping", np.array([[1.0, 2.0], [0.0, 1.0]]), "damping is not symmetric"),
         # Poles of q'' - .2 q' + q = 0: .1 +- i (1 - .01)^.5.
         ("damping", np.diag([-0.2, 1.0]), r"damping is negative: .* unstable, a motion grows with 0.1 1/s"),
-        ("stroke", np.zeros(2), "stroke is zero throughout"),
     ],
 )
 def test_matrices_that_are_none_get_one_line(name: str, value: Any, message: str) -> None:

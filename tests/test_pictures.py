@@ -1,4 +1,4 @@
-"""Pictures: the numbers that are drawn, in the unit on the axis; text that can be read. The page of a report."""
+"""Pictures: the numbers that are drawn, in the unit on the axis. The page of a report."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from refusals import refuses
 TIME = np.arange(0.0, 4.0, 0.002)
 
 
-def loop(name: str = "sine_2.5Hz_5mm", scale: float = 1.0, **changes: Any) -> LoopData:
-    """5 mm (times scale) at 2.5 Hz, 1000 N, simulated 10 % too small."""
+def loop(name: str = "sine_2.5Hz_5mm", **changes: Any) -> LoopData:
+    """5 mm at 2.5 Hz, 1000 N, simulated 10 % too small."""
     w = 2 * np.pi * 2.5
-    x, v = 5e-3 * scale * np.sin(w * TIME), 5e-3 * scale * w * np.cos(w * TIME)
-    force = 1000.0 * np.tanh(60 * v / scale)
+    x, v = 5e-3 * np.sin(w * TIME), 5e-3 * w * np.cos(w * TIME)
+    force = 1000.0 * np.tanh(60 * v)
     given = {"displacement": x, "velocity": v, "measured": force, "simulated": 0.9 * force}
     return LoopData(name, **{"time": TIME, "command": np.ones_like(x), **given, **changes})
 
@@ -117,10 +117,7 @@ class Parsed(HTMLParser):
 
 
 def picture(name: str = "sine") -> Figure:
-    time = np.arange(0.0, 2.0, 0.002)
-    x, v = 5e-3 * np.sin(15 * time), 75e-3 * np.cos(15 * time)
-    force = 1e3 * np.tanh(50 * v)
-    return pictures.loops([LoopData(name, time, x, v, 1 + 0 * x, force, 0.9 * force)], periods=8)
+    return pictures.loops([loop(name)], periods=8)
 
 
 def full_page() -> Page:

@@ -38,14 +38,12 @@ LAWS = ("bingham", "bouc_wen", "hyperbolic_tangent", "modified_bouc_wen", "narx"
 # law, attributes, parts of the message
 ATTRIBUTES: tuple[tuple[str, Values, tuple[str, ...]], ...] = (
     ("bingam", BINGHAM, ("'law'", "'bingam'", *LAWS)),
-    ("", {"c0a": 150.0}, ("'law'", "missing", *LAWS)),
     ("narx", {"c0a": 1.0}, ("'c0a'", "'1.0'", "law narx", "none")),
     (
         "bingham", {**BINGHAM, "trapped_gas_time": 0.2, "trapped_gas_direction": 0.0},
         ("trapped_gas_time = 0.2", "trapped_gas_direction"),
     ),
     ("bouc_wen", {**BOUC_WEN, "gamma": 1.0, "beta": -1.0}, ("beta + gamma = 0", "above 0")),
-    ("bouc_wen", {**BOUC_WEN, "gamma": -100.0}, ("gamma = -100", "at least 0")),
     ("modified_bouc_wen", {**DYKE, "c1a": 0.0}, ("c1a = 0", "above 0")),
     ("bingham", {**BINGHAM, "command_min": 2.0, "command_max": 1.0}, ("command_min = 2", "_max = 1")),
     ("narx", {"weights": "no/such.txt"}, ("'weights'", "'no/such.txt'", "no such file", "MRDAMP_PATH")),

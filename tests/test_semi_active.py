@@ -37,10 +37,6 @@ def test_modulated_command_is_in_proportion_to_the_wanted_force() -> None:
         assert law(wanted, 0.0, {"force": force}) == pytest.approx(command)
 
 
-def one_storey(mass: float = 120.0, stiffness: float = 4.8e5) -> ShearFrame:
-    return ShearFrame(np.array([mass]), np.array([stiffness]), np.array([0.0]))
-
-
 def left_roots(*coefficients: float) -> NDArray[np.complex128]:
     roots = np.roots(coefficients)
     return np.asarray(np.sort_complex(roots[roots.real < 0]))
@@ -49,8 +45,8 @@ def left_roots(*coefficients: float) -> NDArray[np.complex128]:
 def test_regulator_and_filter_of_one_storey_meet_their_closed_forms() -> None:
     # x'' = -w^2 x - f/m + noise. Spectral factors: s^4 + 2 w^2 s^2 + w^4 + q/(r m^2) for the regulator of x, and
     # s^4 + 2 w^2 s^2 + w^4 + S_g/S_v for the filter that measures x.
-    frame, r, ratio = one_storey(), 2e-13, 3e7
-    w2, m = 4.8e5 / 120.0, 120.0
+    r, ratio, w2, m = 2e-13, 3e7, 4.8e5 / 120.0, 120.0
+    frame = ShearFrame(np.array([m]), np.array([w2 * m]), np.array([0.0]))
     aim = optimal_force(
         frame, regulate={"displacement_1": 1.0}, r=r, noise_ratio=ratio, measurements=["displacement_1"]
     )

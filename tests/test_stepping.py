@@ -1,5 +1,5 @@
-"""The written MJCF of a frame, stepped by MuJoCo, gives what the C entry predicts. Commands that a converter holds between
-samples: the truth is a frame that SciPy integrates, sample by sample."""
+"""The written MJCF of a frame, stepped by MuJoCo, gives what the C entry predicts. Commands that a converter holds: the
+truth is a frame that SciPy integrates, sample by sample."""
 
 from __future__ import annotations
 

@@ -53,9 +53,7 @@ def test_wrong_options_are_refused_in_a_line_by_the_command(
     for arguments, said in (
         (["--set", "env_kwargs.periods=1"], "periods"),
         (["--set", "sigmas=1"], "'sigmas' is unknown; allowed: loads, population, "),
-        (["--set", "sigma=abc"], "sigma is 'abc'; allowed: a finite number"),
         (["--set", "env_kwargs.reward={exponent: abc}"], "exponent is 'abc'; allowed: above 0 to 20"),
-        (["--sweep", "gamma=.9,.9"], "a value is given twice"),
         (["--algo", "es", "--set", "env_kwargs.damper_between=[[0,1],[1,2]]"], "training 2 dampers: allowed"),
     ):
         assert main(["train", FRAME, "-o", out, *arguments]) == 2
@@ -106,22 +104,14 @@ def cut(file: Path) -> None:
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
 
 
-def emptied(file: Path) -> None:
-    file.write_text("{}")
-
-
-def narrower(file: Path) -> None:
-    np.save(file, np.load(file)[:, 1:])
-
-
 @pytest.mark.parametrize(
     ("algorithm", "file", "harm", "said"),
     [
         ("es", "checkpoint.npz", cut, "damaged"),
         ("es", "checkpoint.npz", Path.unlink, "missing"),
         ("ppo", "checkpoint.pt", cut, "damaged"),
-        ("es", "normalization.npy", narrower, "damaged"),
-        ("es", "options.json", emptied, "damaged"),
+        ("es", "normalization.npy", lambda file: np.save(file, np.load(file)[:, 1:]), "damaged"),
+        ("es", "options.json", lambda file: file.write_text("{}"), "damaged"),
         ("es", "policy.json", cut, "no JSON.*"),
     ],
 )
