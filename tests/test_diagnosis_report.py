@@ -203,7 +203,3 @@ def test_the_headline_has_ties_with_their_probabilities() -> None:
         probabilities={"unknown": 0.8, "seal_friction": 0.12, "sensor_lag": 0.09, "driver_lag": 0.08},
     )  # fmt: skip
     assert "the most probable one is seal_friction (probability 0.12)." in sentence(two)
-    assert "The best correction leaves 10.0 %, 12.0 % on records left out of the fit." in sentence(unknown)
-    rival = {"what": "an end stop", "gap": 0.1, "nearest_gap": 0.15}
-    outside = replace(unknown, outside=rival)
-    assert sentence(outside).endswith("A cause outside the catalogue has probability 0.80.")

@@ -154,7 +154,7 @@ def answer(corrected: Model, drawn: tuple[Model, ...], named: tuple[Effect, ...]
 
 @pytest.mark.slow
 def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, motion: GroundMotion
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The figures are those of runs in the simulators; the intervals contain what the draws give."""
     nominal = nominal_frame()
@@ -180,6 +180,4 @@ def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
     assert found.kept_interval[0] < found.kept < found.kept_interval[1]
     assert found.retuned is None, "a controller with options is left as it is"
     assert ("diagnosis", "storey_stiffness@1") in gap.rows(found)
-    assert "check" not in dict(gap.rows(found))
-    assert "not the rig" in dict(gap.rows(replace(found, verdict="unknown", named=())))["check"]
     assert Model.read(tmp_path / "corrected.json").effects == softer[0].effects

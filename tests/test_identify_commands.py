@@ -103,7 +103,7 @@ def test_both_papers_measures_and_loops_of_a_law(
     assert picture.stat().st_size > 5000
 
 
-def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_force_from_charge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A charge of known sensitivity and lag: 2 degrees of lag are an error of sin 2, whatever the paper's 90 is."""
     dt, lag, size = 1e-3, math.radians(2.0), 800.0
     t = dt * np.arange(6000)

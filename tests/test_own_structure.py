@@ -201,7 +201,7 @@ def test_what_a_controller_changes_in_its_site_is_not_the_plants(tmp_path: Path)
         assert bench.run("passive-on", load, 1.0) == alone
 
 
-def test_a_policy_says_so_where_a_measurement_is_no_number_or_missing() -> None:
+def test_a_policy_says_so_where_a_measurement_is_no_number() -> None:
     policy = Policy.read(SHIPPED)
     y = dict.fromkeys(policy.observer.signals, 0.0) | {"force": 0.0}
     before = policy.command(0.0, y)
@@ -211,8 +211,6 @@ def test_a_policy_says_so_where_a_measurement_is_no_number_or_missing() -> None:
     )
     policy.reset()
     assert policy.command(0.0, y) == before
-    first, *others = policy.observer.signals
-    refuses(lambda: policy.command(0.0, dict.fromkeys(others, 0.0)), f"it needs the measurement {first}; there are")
 
 
 def test_a_controller_that_remembers_earlier_runs_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -165,7 +165,7 @@ def test_readme_has_the_tables_of_now() -> None:
         tool.replaced("no tables here")
 
 
-def test_readme_examples_work(tmp_path: Path) -> None:
+def test_readme_examples_work() -> None:
     (xml,) = re.findall(r"```xml\n(.*?)```", README, re.S)
     example = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(example)

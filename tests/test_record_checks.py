@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import hashlib
-import json
 import math
 import re
 import threading
@@ -238,19 +237,18 @@ def test_a_set_is_fetched_and_read(served: tuple[Path, Dataset], tmp_path: Path)
     assert (train.command == 0.25).all()
 
 
-@pytest.mark.parametrize("name", ["10mm1Hz0A", "5mm3Hz0x25A"])
-def test_a_file_that_changed_is_refused(served: tuple[Path, Dataset], tmp_path: Path, name: str) -> None:
+def test_a_file_that_changed_is_refused(served: tuple[Path, Dataset], tmp_path: Path) -> None:
     """One has its hash in the catalogue, the other from the first fetch; what is there is not fetched again."""
     folder, known = served
     root = fetch(known, tmp_path / "data")
     (folder / "rev 1").rename(folder / "away")
     fetch(known, tmp_path / "data")
     (folder / "away").rename(folder / "rev 1")
-    assert set(json.loads((root / "hashes.json").read_text())) == {"10mm1Hz0A.txt", "5mm3Hz0x25A.txt"}
-    (root / "source" / f"{name}.txt").unlink()
-    (folder / "rev 1" / f"{name}.txt").write_text(TABLE.replace("2.5208754e+01", "9.9e+01"))
-    refuses(lambda: fetch(known, tmp_path / "data"), "hash")
-    assert not (root / "source" / f"{name}.txt").exists()
+    for name in ("10mm1Hz0A", "5mm3Hz0x25A"):
+        (root / "source" / f"{name}.txt").unlink()
+        (folder / "rev 1" / f"{name}.txt").write_text(TABLE.replace("2.5208754e+01", "9.9e+01"))
+        refuses(lambda: fetch(known, tmp_path / "data"), "hash")
+        (folder / "rev 1" / f"{name}.txt").write_text(TABLE)
 
 
 @needs(SHARED / "data")

@@ -177,8 +177,6 @@ def test_states_of_the_observer_are_shares_of_the_wanted_force(environment: str,
         states = seen[len(own.signals) :].astype(np.float64) * force_max
         assert -states.sum() == pytest.approx(wanted, abs=1e-5 * np.abs(states).sum() + 1e-9)
     refuses(lambda: estimated(chosen, "passive-on"), "no Kalman filter")
-    with pytest.raises(InputError, match="is not observed"):
-        estimated(world(environment, {**seen_alone, "signals": ["stroke", "force"]}), spec)
 
 
 def test_the_search_finds_the_minimum_of_an_ill_scaled_ellipsoid() -> None:
