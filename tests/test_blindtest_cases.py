@@ -16,17 +16,7 @@ from mrdamp.model import Model
 from mrdamp.records import read_record
 from record_tables import channels_by_test
 from rig_paths import DASHPOT, YIELD, at, clock, held, on_the_way
-from studies.blindtest import (
-    bench,
-    causes,
-    commissioning,
-    dampers,
-    misfit_case,
-    rig,
-    run,
-    score,
-    unknown,
-)
+from studies.blindtest import bench, causes, commissioning, dampers, misfit_case, rig, run, score, unknown
 from studies.blindtest.bench import Truth
 from studies.blindtest.make import make_one
 from studies.blindtest.rig import RATE_HZ, Array

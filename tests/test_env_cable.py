@@ -14,14 +14,7 @@ from scipy.signal import butter, lfilter
 from env_arguments import dashpot
 from excitation import Array
 from mrdamp import models_xml
-from mrdamp.envs import (
-    AmbientLoads,
-    CableLoad,
-    CablePlant,
-    CableTask,
-    WindLoads,
-    cable_damper,
-)
+from mrdamp.envs import AmbientLoads, CableLoad, CablePlant, CableTask, WindLoads, cable_damper
 from mrdamp.envs.cable import Cable
 from mrdamp.envs.cable_xml import chain_xml
 from mrdamp.structures.cables import StayCable

@@ -19,14 +19,7 @@ from env_arguments import dashpot
 from excitation import Array
 from mrdamp import models_xml
 from mrdamp.compare.car import CarBench
-from mrdamp.control.car import (
-    HookForce,
-    add_switch,
-    car_plant,
-    regulated,
-    sh_add_switch,
-    skyhook_switch,
-)
+from mrdamp.control.car import HookForce, add_switch, car_plant, regulated, sh_add_switch, skyhook_switch
 from mrdamp.control.registry import make
 from mrdamp.envs import Bumps, CarPlant, CarTask, RecordedRoads
 from mrdamp.envs.car import linear_run

@@ -10,14 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from mrdamp.diagnosis.injection.forms import FORMS
-from mrdamp.diagnosis.injection.inject import (
-    NOT_EXACT,
-    Injection,
-    NotPut,
-    change_of,
-    refusal,
-    strength_of,
-)
+from mrdamp.diagnosis.injection.inject import NOT_EXACT, Injection, NotPut, change_of, refusal, strength_of
 from mrdamp.diagnosis.injection.signals import Scales, Signals
 from mrdamp.model import Model, damper_effects
 from mrdamp.model.core import Array
