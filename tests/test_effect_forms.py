@@ -285,8 +285,6 @@ def test_noise_of_a_filtered_displacement_is_not_differentiated() -> None:
     assert rms((free_run(model, record)["force_N"] - expected)[inner]) < 0.05 * rms(expected)
 
 
-# --- gas in series with the fluid: its differential equation in SciPy ---------------------------------
-
 C = 4000.0  # N s/m, a dashpot
 FORCE, LENGTH, EXPONENT, WIDTH = 60.0, 0.003, 1.3, 0.02
 GAS = {"trapped_gas_series": 1.0, "trapped_gas_force": FORCE, "trapped_gas_s_g": LENGTH}

@@ -69,8 +69,6 @@ def test_a_law_does_not_depend_on_where_its_records_were_cut() -> None:
     assert fit.held_out_nrmse < 1.25 * error(fit.model, first).nrmse
 
 
-# --- a fit that starts 40 % off: records of SciPy ------------------------------------------------------
-
 #: What the records determine well: the rest is weak in them, or trades against it.
 SURE: Mapping[str, tuple[str, ...]] = {
     "bingham": ("c0a", "c0b", "fya", "fyb", "v_ref"),
@@ -94,8 +92,6 @@ def test_a_start_forty_percent_off_arrives(law: str, factor: float) -> None:
     for name in SURE[law]:
         assert fit.model.parameters[name] == pytest.approx(true[name], rel=0.1), name
 
-
-# --- least squares that run no simulation twice -----------------------------------------------------------
 
 TIME = np.linspace(0.0, 3.0, 400)
 MEASURED = 0.8 * np.exp(-1.3 * TIME) * np.cos(7 * TIME) + 0.02 * np.sin(50 * TIME)

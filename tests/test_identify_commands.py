@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from command_call import caller
+from laboratory import grid, straight
 from mrdamp.commands import calibrate, identify
 from mrdamp.identify import simulate
 from mrdamp.identify.comparison import paper_network, table_1
@@ -19,7 +20,6 @@ from mrdamp.model import Model
 from mrdamp.records import Record, RecordSet, read_record, read_records
 from mrdamp.simulation.predict import predict
 from refusals import refuses
-from sine_records import grid, straight
 
 run = caller(identify.add_to, calibrate.add_to)
 

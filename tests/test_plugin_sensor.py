@@ -108,9 +108,6 @@ HYSTERESIS = dict.fromkeys(("c0a", "c0b", "alpha_a", "alpha_b", "k0", "x0"), 0.0
 HYSTERESIS |= {"gamma": 50.0, "beta": 50.0, "A": 100.0, "n": 2.0}
 
 
-# --- what acts on the model --------------------------------------------------------------------------
-
-
 def limited(force: float, more: str, joint: str) -> dict[str, float]:
     """Every signal of a dashpot at a held velocity, behind a limit of the engine's."""
     text = rig(Damper("bingham", DASHPOT, more=more)).replace('type="slide"', f'type="slide" {joint}')
@@ -211,9 +208,6 @@ def test_a_force_that_jumps_is_read_after_the_jump() -> None:
     np.testing.assert_allclose(found, 10 + 400 * (1 - np.exp(-after / 0.005)), atol=0.01)
 
 
-# --- noise --------------------------------------------------------------------------------------------
-
-
 def noise(seed: int, count: int = 20_000, level: float = 2.5) -> Array:
     return read(np.full(count, 10.0), {"noise": level, "seed": float(seed)}) - 10.0
 
@@ -238,9 +232,6 @@ def test_seeds_and_sensors_have_noise_of_their_own() -> None:
     found = drive(rig(Damper("bingham", DASHPOT), two), zero, zero, zero)
     for pair in ((first, other), (found["a"], found["b"])):
         assert abs(float(np.corrcoef(*pair)[0, 1])) < 0.1
-
-
-# --- other signals ------------------------------------------------------------------------------------
 
 
 W = 20.0  # rad/s

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from laboratory import grid
 from modules import SHARED, needs
 from mrdamp import datasets
 from mrdamp.cli import main
@@ -28,7 +29,6 @@ from mrdamp.records.checks import check_clipping, clipped, warnings_of
 from mrdamp.records.motion import cut, path, share_of_stroke
 from mrdamp.simulation.predict import predict
 from refusals import refuses
-from sine_records import grid
 
 
 def test_a_clipped_force_is_told_and_a_whole_one_passes() -> None:

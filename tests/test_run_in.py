@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from laboratory import TRUE, identifiable, rig_tests
+from laboratory import TRUE, Curve, bingham_record, grid, identifiable, rig_tests, straight, viscous
 from mrdamp.identify import Fit, compare_dependences, identify, simulate
 from mrdamp.identify.by_command import constant_groups, identify_by_command
 from mrdamp.identify.excerpts import skipped
@@ -19,7 +19,6 @@ from mrdamp.records import Record
 from mrdamp.simulation.predict import free_run
 from mrdamp.simulation.stepping import drive_rig
 from refusals import refuses
-from sine_records import Curve, bingham_record, grid, straight, viscous
 
 
 def off(record: Record, force: np.ndarray) -> float:
@@ -278,9 +277,6 @@ def test_records_that_hold_no_small_command_give_laws_that_the_chain_takes(law: 
         core.vector(law, attributes)  # raises where the chain refuses it
         back = search.attributes(search.point(attributes))
         assert back == pytest.approx(attributes, rel=1e-6, abs=1e-6)
-
-
-# --- one fit per constant command, and lines through the parameters ----------------------------------
 
 
 def test_the_lines_are_those_of_the_damper() -> None:

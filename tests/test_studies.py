@@ -183,7 +183,6 @@ def judged(label: str, given: dict[str, Any], stages: tuple[str, ...] = ("driver
     return score.row("c", {"label": label, "stages": list(stages), **told}, given, (0.2, 0.01), 12.0)
 
 
-# --- seal -----------------------------------------------------------------------------------
 def test_seal_is_opened_with_what_was_sealed(tmp_path: Path) -> None:
     digest = seal.seal(tmp_path, "labels", LABELS)
     assert seal.open_labels(tmp_path, "labels")[1] == LABELS
@@ -204,7 +203,6 @@ def test_changed_labels_are_found_out(tmp_path: Path) -> None:
     refuses(lambda: seal.open_labels(tmp_path, "labels"), "damaged")
 
 
-# --- rows --------------------------------------------------------------------------------------
 #: A rig whose own law some call a saturation.
 ALSO: dict[str, Any] = {"also": ("saturation",), "base": 0.1, "misfit": 0.05, "rig": "damper"}
 
@@ -272,7 +270,6 @@ def test_gaps(tmp_path: Path) -> None:
     assert found == pytest.approx((0.3 * math.sqrt(2), 0.03 * math.sqrt(2)), rel=1e-6)
 
 
-# --- figures ------------------------------------------------------------------------------------
 def rows() -> list[Row]:
     return [
         judged("driver_lag", answer("effect", "driver_lag", probability=0.95)),
@@ -315,4 +312,3 @@ def test_definitions_are_the_shared_scorer_s() -> None:
         assert (row.want, set(row.causes)) == shared.truth(label)
 
 
-# --- page and command -------------------------------------------------------------------------------
