@@ -75,9 +75,7 @@ def _along(tendon: ET.Element, share: dict[int, float]) -> None:
 _DRAWN = 50  # segments of the drawing
 
 
-def chain_xml(
-    cable: StayCable, damper: Model | None = None, segments: int = 50, timestep: float = 1e-3
-) -> str:
+def chain_xml(cable: StayCable, damper: Model | None = None, segments: int = 50) -> str:
     """The shipped chain (`models_xml/cable`) for any cable: equal segments, the damper on the nodes about its place.
 
     A spatial tendon through all nodes is the cable: its tension turns with its path and rises with its length, which
@@ -87,7 +85,6 @@ def chain_xml(
     if segments < 4:
         raise InputError(f"cable: {segments} segments; allowed: 4 or more")
     root = shipped("cable")
-    get(root, "option").set("timestep", repr(timestep))
     step = cable.length / segments
     weight = cable.mass * GRAVITY
     x = step * np.arange(segments + 1)

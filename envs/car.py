@@ -72,16 +72,13 @@ class CarReward(Weights):
     )  # fmt: skip
 
 
-def linear_run(
-    car: QuarterCar, heights: Array, step: float, damping: float | None = None
-) -> tuple[Array, Array, Array]:
-    """Weighted acceleration (m/s2), dynamic tyre load over the weight, stroke (m) of the car with a dashpot, (n,) each.
+def linear_run(car: QuarterCar, heights: Array, step: float) -> tuple[Array, Array, Array]:
+    """Weighted acceleration (m/s2), dynamic tyre load over the weight, stroke (m) of the linear suspension, (n,) each.
 
-    heights: (n,) m under the wheel, straight between samples every step (s), from rest; damping: N s/m, None: .3 of
-    critical. In the frequency domain, exact but for what lies above half the sampling frequency.
+    heights: (n,) m under the wheel, straight between samples every step (s), from rest. In the frequency domain, exact
+    but for what lies above half the sampling frequency.
     """
-    dashpot = CONVENTIONAL * car.critical_damping if damping is None else damping
-    a, b, c, d = car.passive(dashpot)
+    a, b, c, d = car.passive(CONVENTIONAL * car.critical_damping)
     many = len(heights)
     rest = float(np.linalg.eigvals(a).real.max())  # of the slowest pole, 1/s
     behind = int(min(12.0 / max(-rest, 1e-3), 60.0) / step)

@@ -209,7 +209,7 @@ def test_both_models_move_alike(kind: str, sag: float, strength: float, limits: 
         found.append([y["displacement_1"], y["stroke"], y["force"]])
         y = plant.step(2.0)
     segments, h = 100, 1e-3
-    model = mujoco.MjModel.from_xml_string(chain_xml(cable, damper, segments, h))
+    model = mujoco.MjModel.from_xml_string(chain_xml(cable, damper, segments))
     data = mujoco.MjData(model)
     x = np.arange(1, segments) / segments
     nodes = np.array([np.interp(x, load.places, row) for row in load.force]) * cable.length / segments

@@ -98,13 +98,13 @@ def test_the_weighting_is_the_standards() -> None:
 
 def test_rms_values_are_lyapunovs() -> None:
     """A long class C road is white noise in velocity, of density (2 pi 0.1)^2 G(0.1) v."""
-    c, speed = 1500.0, 20.0
+    c, speed = 0.3 * CAR.critical_damping, 20.0
     a, b, out, _ = CAR.passive(c)
     density = (2 * math.pi * 0.1) ** 2 * CLASSES["C"] * speed
     covariance = solve_continuous_lyapunov(a, -0.5 * density * b @ b.T)
     wanted = np.sqrt(np.diag(out @ covariance @ out.T))
     heights = iso8608("C", speed, 400.0, 2).at(1e-3 * np.arange(400_000))
-    _, load, stroke = linear_run(CAR, heights, 1e-3, c)
+    _, load, stroke = linear_run(CAR, heights, 1e-3)
     assert np.std(stroke) == pytest.approx(wanted[2], rel=0.05)
     assert np.std(load) == pytest.approx(wanted[1], rel=0.05)
 
@@ -122,7 +122,7 @@ def test_what_a_damper_dissipates_is_the_roads() -> None:
 
 @pytest.mark.parametrize("engine", ["mujoco", "chain"])
 def test_a_dashpot_in_place_of_the_damper_is_the_linear_car(engine: str) -> None:
-    plant = CarPlant(model=dashpot(1500.0), timestep=2e-4, engine=engine)
+    plant = CarPlant(model=dashpot(0.3 * CAR.critical_damping), timestep=2e-4, engine=engine)
     road = iso8608("B", 20.0, 4.0, 7)
     plant.reset(road)
     total, rows = np.zeros(3), []
@@ -130,7 +130,7 @@ def test_a_dashpot_in_place_of_the_damper_is_the_linear_car(engine: str) -> None
         rows.append(plant.step(0.0)["stroke"])
         total += plant.of_period[:3]
     n = len(rows)
-    found = linear_run(CAR, road.at(2e-4 * np.arange(25 * n)), 2e-4, 1500.0)
+    found = linear_run(CAR, road.at(2e-4 * np.arange(25 * n)), 2e-4)
     np.testing.assert_allclose(total / n, [np.mean(x * x) for x in found], rtol=0.01)
     assert off(np.array(rows[:-1]), found[2][25::25]) < 0.01
 

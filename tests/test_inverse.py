@@ -38,6 +38,24 @@ def damper(*effects: Effect) -> Model:
     return Model("bingham", BINGHAM, effects)
 
 
+class Told(Extrapolation):
+    """So much of the value, in place of what is learnt."""
+
+    def __init__(self, part: float) -> None:
+        super().__init__(1.0, PERIOD)
+        self.part = part
+
+    def __call__(self, value: float, change: float) -> float:
+        return self.part * value
+
+
+def plain(model: Model) -> LawInverse:
+    """The inverse without preview and feedback."""
+    inverse = LawInverse(model, PERIOD)
+    inverse._preview, inverse._feedback = Told(1.0), Told(0.0)
+    return inverse
+
+
 def steadily(inverse: Inverse, v: float, wanted: list[float]) -> list[float]:
     """Commands while the rod is drawn out at one velocity (m/s)."""
     inverse.reset()
@@ -51,14 +69,15 @@ def steadily(inverse: Inverse, v: float, wanted: list[float]) -> list[float]:
 def test_a_law_without_memory_is_inverted_in_closed_form(v: float) -> None:
     wanted = [bingham(v, u) for u in (0.0, 0.3, 1.1, 1.9, 2.0)]
     beyond = [-math.copysign(500.0, v), math.copysign(1e5, v)]  # out of reach: the nearer end
-    got = steadily(LawInverse(damper(), PERIOD, feedback=False, preview=False), v, [wanted[0], *wanted, *beyond])
+    got = steadily(plain(damper()), v, [wanted[0], *wanted, *beyond])
     assert got[1:] == pytest.approx([0.0, 0.3, 1.1, 1.9, 2.0, 0.0, 2.0], abs=0.01)
 
 
 def test_a_lagging_driver_is_led() -> None:
     tau, v, horizon = 0.008, 0.1, 0.004
     model = damper(Effect("driver_lag", {"tau": tau}))
-    inverse = LawInverse(model, PERIOD, horizon, feedback=False, preview=False)
+    inverse = plain(model)
+    assert inverse.horizon == horizon
     # Within reach, then a step that asks for more than the range: the range is what it gets.
     levels = (0.2, 0.3, 0.35, 0.3, 1.9, 1.9)
     current, expected = 0.0, []  # no current before the first command
@@ -72,11 +91,12 @@ def test_a_lagging_driver_is_led() -> None:
 
 
 def test_what_is_on_its_way_through_a_delay_is_counted() -> None:
-    tau, delay, v, horizon = 0.006, 0.003, 0.1, 0.005
+    tau, delay, v, horizon = 0.006, 0.003, 0.1, 0.006
     model = damper(Effect("driver_lag", {"tau": tau}), Effect("command_delay", {"d": delay}))
     rng = np.random.default_rng(2)
     levels = 0.8 + 0.05 * np.cumsum(rng.uniform(-1, 1, 40))
-    inverse = LawInverse(model, PERIOD, horizon, feedback=False, preview=False)
+    inverse = plain(model)
+    assert inverse.horizon == horizon
     got = steadily(inverse, v, [bingham(v, u) for u in levels])
     # The coil, a millisecond at a time: what was commanded three before now, then what the horizon leaves.
     late, current = deque([0.0] * round(delay / PERIOD)), 0.0
@@ -98,7 +118,7 @@ def test_what_is_on_its_way_through_a_delay_is_counted() -> None:
 def test_the_measured_force_corrects_a_wrong_model(feedback: bool, left: float) -> None:
     """The real yield force is 100 N above the model's: with the measured force the right one comes."""
     v, wanted = 0.1, 500.0
-    inverse = LawInverse(damper(), PERIOD, feedback=feedback)
+    inverse = LawInverse(damper(), PERIOD) if feedback else plain(damper())
     inverse.reset()
     force = 0.0
     for k in range(200):

@@ -98,7 +98,6 @@ def clipped_optimal(
     structure: ShearFrame | Linear,
     command_max: float,
     period: float = 1e-3,
-    name: str = "clipped-optimal",
     **lqg: Unpack[Lqg],
 ) -> ForceController:
     """A clipped-optimal controller for a structure; on a frame the defaults are Dyke's.
@@ -107,7 +106,7 @@ def clipped_optimal(
     """
     require_positive("clipped_optimal", command_max=command_max)
     follower = for_each(lambda: OnOff(command_max), linear(structure).dampers)
-    return ForceController(optimal_force(structure, period, **lqg), follower, period, name)
+    return ForceController(optimal_force(structure, period, **lqg), follower, period, "clipped-optimal")
 
 
 def modulated_optimal(
@@ -172,7 +171,6 @@ def lyapunov(
     weights: Mapping[str, float] | None = None,
     noise_ratio: float = 50.0,
     period: float = 1e-3,
-    name: str = "lyapunov",
 ) -> ForceController:
     """Control by the Lyapunov function of the named outputs' weighted squares.
 
@@ -182,18 +180,14 @@ def lyapunov(
     s = linear(structure)
     chosen = weights or {each: 1.0 for each in s.measured if each.startswith("acceleration")}
     direction = -lyapunov_matrix(s, chosen) @ s.plant.b
-    return bang_bang(direction, estimator(s, noise_ratio, period), command_max, period, name)
+    return bang_bang(direction, estimator(s, noise_ratio, period), command_max, period, "lyapunov")
 
 
 def max_dissipation(
-    structure: ShearFrame | Linear,
-    command_max: float,
-    noise_ratio: float = 50.0,
-    period: float = 1e-3,
-    name: str = "max-dissipation",
+    structure: ShearFrame | Linear, command_max: float, noise_ratio: float = 50.0, period: float = 1e-3
 ) -> ForceController:
     """The field on wherever the damper's force resists its motion: V is the structure's energy. Raises InputError."""
     s = linear(structure)
     rows = s.outputs([sensor_name("stroke_velocity", k) for k in range(s.dampers)])[0]
     direction = rows.T if s.plant.b.ndim > 1 else rows[0]
-    return bang_bang(direction, estimator(s, noise_ratio, period), command_max, period, name)
+    return bang_bang(direction, estimator(s, noise_ratio, period), command_max, period, "max-dissipation")

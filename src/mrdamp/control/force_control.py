@@ -212,16 +212,14 @@ def skyhook(
     damping: float | None = None,
     leak: float | None = None,
     period: float = 1e-3,
-    follower: Follower | None = None,
-    name: str = "skyhook",
 ) -> ForceController:
-    """Skyhook control of what each damper's rod is at; of a frame, the upper of the damper's two floors.
+    """Skyhook control of what each damper's rod is at, by on/off switching; of a frame, the upper of its two floors.
 
     command_max: A or V. damping: N s/m, by default the structure's `Linear.dashpot`. leak: s, by default one period of
-    the first mode. follower: of the wanted force, on/off switching by default. Raises InputError.
+    the first mode. Raises InputError.
     """
     s = linear(structure)
     c, tau = s.dashpot if damping is None else damping, 2 * math.pi / s.first if leak is None else leak
     aims = [SkyhookForce(number, sign, c, tau, period) for number, sign in s.hooks]
     aim = aims[0] if len(aims) == 1 else Aims(aims)
-    return ForceController(aim, follower or for_each(lambda: OnOff(command_max), len(aims)), period, name)
+    return ForceController(aim, for_each(lambda: OnOff(command_max), len(aims)), period, "skyhook")

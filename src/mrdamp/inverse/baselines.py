@@ -25,8 +25,8 @@ class Switching(Memoryless):
     """
 
     command_max: float
-    period: float = 1e-3
     name: str = "on/off switching"
+    period: float = 1e-3
 
     def command(self, t: float, wanted_force: float, y: Mapping[str, float]) -> float:
         return clip(wanted_force, y["force"], self.command_max)
@@ -37,8 +37,8 @@ class Fixed(Memoryless):
     """The same command at all times. value: A or V; period: s."""
 
     value: float
-    period: float = 1e-3
     name: str = "constant"
+    period: float = 1e-3
 
     def command(self, t: float, wanted_force: float, y: Mapping[str, float]) -> float:
         return self.value

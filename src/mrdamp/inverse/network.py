@@ -36,6 +36,7 @@ LAGS: tuple[Mapping[str, tuple[int, ...]], ...] = (
     {"x": (0,), "v": (0, 1, 2, 4), "F": (0,)},
 )
 HIDDEN = (20,)
+_MOST = 6_000  # samples that are trained on, evenly spread
 
 Judge = Callable[["NetworkInverse"], float]
 
@@ -55,7 +56,6 @@ class NetworkInverse:
     high: float
     error: float
     name: str = "network inverse"
-    preview: bool = True
 
     def __post_init__(self) -> None:
         early = any(0 < lag < self.lead for channel, lag in self.network.inputs if channel == "i")
@@ -97,7 +97,7 @@ class NetworkInverse:
         for channel, value in now.items():
             past[channel][1:] = past[channel][:-1].copy()
             past[channel][0] = value
-        last = wanted_force if self._wanted is None or not self.preview else self._wanted
+        last = wanted_force if self._wanted is None else self._wanted
         wanted = self._extrapolation(wanted_force, (wanted_force - last) * self.lead)
         self._wanted = wanted_force
         values = np.array([
@@ -156,7 +156,6 @@ def train_inverse(
     commands: tuple[float, float] | None = None,
     judge: Judge | None = None,
     seed: int = 0,
-    most: int = 6_000,
     workers: int = 1,
     progress: Progress | None = None,
 ) -> NetworkInverse:
@@ -164,9 +163,9 @@ def train_inverse(
 
     train, validation: stretches at the control period. leads: samples ahead to try. lags: sets of them to try, as in
     `LAGS`. hidden: tanh units per layer. commands: range; None: from 0 to the largest of the training. judge: smaller
-    is better; None: the error of the command on the validation stretches, which does not see what a command does to
-    the next one: a force tracking in simulation is the better criterion. most: samples that are trained on, evenly
-    spread. workers: processes; the same network for any number. Raises InputError.
+    is better; None: the error of the command on the validation stretches, which does not see what a command does to the
+    next one: a force tracking in simulation is the better criterion. workers: processes; the same network for any
+    number. Raises InputError.
     """
     if not train or not validation:
         raise InputError("an inverse needs records to train on and others to choose by")
@@ -178,7 +177,7 @@ def train_inverse(
         raise InputError(f"{train[0].name}: the command never varies; an inverse cannot be learnt from it")
     low, high = commands or (0.0, float(values.max()))
     trials = list(product(lags, leads))
-    tasks = [(train, chosen, lead, hidden, seed, most) for chosen, lead in trials]
+    tasks = [(train, chosen, lead, hidden, seed) for chosen, lead in trials]
     tried: list[tuple[float, NetworkInverse]] = []
     for count, network in enumerate(mapped(_trained, tasks, workers)):
         lead = trials[count][1]
@@ -189,15 +188,14 @@ def train_inverse(
 
 
 def _trained(
-    train: Sequence[Series], lags: Mapping[str, Sequence[int]], lead: int, hidden: Sequence[int], seed: int,
-    most: int,
-) -> Network:  # fmt: skip
+    train: Sequence[Series], lags: Mapping[str, Sequence[int]], lead: int, hidden: Sequence[int], seed: int
+) -> Network:
     turned = [swapped(s, lead) for s in train]
     inputs = network_inputs(lead, lags)
     start = nn.nguyen_widrow(len(inputs), hidden, np.random.default_rng(seed))
     check(turned, inputs, len(start))
     network = blank(turned, inputs, hidden)
-    return network.with_theta(minimise(OneStep.of(network, turned, most), start, iterations=150).theta)
+    return network.with_theta(minimise(OneStep.of(network, turned, _MOST), start, iterations=150).theta)
 
 
 def _command_error(network: Network, varying: Sequence[Series], lead: int) -> float:

@@ -28,6 +28,8 @@ from mrdamp.report import Page
 _FORCE_NOISE = 0.005  # standard deviations, of the RMS force, displacement and velocity
 _MOTION_NOISE = 0.0005
 _VELOCITY_NOISE = 0.002
+_SECONDS = 4.0  # of runs that sizes and judgements come from
+_RATE = 500.0  # Hz, of the records that are made
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,9 @@ class Sizes:
     command: float
 
     @classmethod
-    def of(cls, model: Model, motion: RandomMotion, command: float, seconds: float = 4.0) -> Sizes:
+    def of(cls, model: Model, motion: RandomMotion, command: float) -> Sizes:
         """Of a model under a motion."""
-        run = track(model, motion, np.zeros(round(seconds / STEP)), Fixed(command))
+        run = track(model, motion, np.zeros(round(_SECONDS / STEP)), Fixed(command))
         _, _, a = motion.sample(run.time)
         return cls(rms(run.force), rms(run.displacement), rms(run.velocity), rms(a), command)
 
@@ -87,9 +89,8 @@ def with_effects_of_a_rig(model: Model, s: Sizes) -> Model:
 
 
 def records_of(
-    plant: Model, motion: RandomMotion, s: Sizes, *, count: int = 6, seconds: float = 12.0, rate: float = 500.0,
-    seed: int = 0,
-) -> RecordSet:  # fmt: skip
+    plant: Model, motion: RandomMotion, s: Sizes, *, count: int = 6, seconds: float = 12.0, seed: int = 0
+) -> RecordSet:
     """Records of the damper with measurement noise: random motions of the same spectrum under random commands.
 
     Half of the commands are smooth with every level as likely, half are steps; every third record is held out.
@@ -98,7 +99,7 @@ def records_of(
     made = []
     for k, child in enumerate(seeds):
         numbers = child.generate_state(4)
-        t = np.arange(round(seconds * rate), dtype=np.float64) / rate
+        t = np.arange(round(seconds * _RATE), dtype=np.float64) / _RATE
         x, v, a = replace(motion, seed=int(numbers[0])).sample(t)
         rng = np.random.default_rng(child)
         level = random_level(t, 8.0, int(numbers[1])) if k % 2 else _steps(t, rng)
@@ -108,13 +109,13 @@ def records_of(
             "acceleration_m_s2": a,
             "command": s.command * level,
         }
-        out = plant.simulate(1 / rate, inputs, hold=True)
+        out = plant.simulate(1 / _RATE, inputs, hold=True)
         noise = rng.standard_normal((3, len(t))) * np.array(s.noise)[:, None]
         channels = {
             "displacement_m": x + noise[0], "velocity_m_s": v + noise[1], "command": inputs["command"],
             "force_N": out["force_N"] + noise[2],
         }  # fmt: skip
-        made.append(Record(f"{'smooth' if k % 2 else 'steps'}_{k + 1}", None, 1 / rate, channels))
+        made.append(Record(f"{'smooth' if k % 2 else 'steps'}_{k + 1}", None, 1 / _RATE, channels))
     validation = set(range(2, count, 3)) or {count - 1}
     return RecordSet(
         "made",
@@ -179,7 +180,6 @@ def trial(
     commands: tuple[float, float] | None = None,
     motion: RandomMotion | None = None,
     seconds: float = 20.0,
-    period: float = 1e-3,
     seed: int = 0,
     workers: int = 1,
     progress: Progress | None = None,
@@ -220,13 +220,13 @@ def trial(
             progress=lambda what, share: say(f"network: {what}", 0.3 + 0.4 * share),
         )  # fmt: skip
     inverses: list[Inverse] = [
-        Fixed(low, period, "constant, least"), Fixed(high, period, "constant, largest"), Switching(high, period),
-        LawInverse(model, period, commands=(low, high)),
+        Fixed(low, "constant, least"), Fixed(high, "constant, largest"), Switching(high),
+        LawInverse(model, commands=(low, high)),
     ]  # fmt: skip
     if net is not None:
         inverses.append(net)
     if exact:
-        inverses.append(LawInverse(plant, period, commands=(low, high), name="law inverse, exact"))
+        inverses.append(LawInverse(plant, commands=(low, high), name="law inverse, exact"))
     shown = replace(motion, seed=seed + 100)  # none that a record has
     off, on = _passive(plant, shown, low, high, seconds)
     tracks: dict[str, tuple[Track, ...]] = {}
@@ -259,13 +259,13 @@ def motion_like(records: RecordSet, seed: int) -> RandomMotion:
 
 
 def tracking_judge(
-    model: Model, motion: RandomMotion, low: float, high: float, seconds: float = 4.0
+    model: Model, motion: RandomMotion, low: float, high: float
 ) -> Callable[[NetworkInverse], float]:
     """Judges inverses by their tracking of random forces in simulation, on the model: relative errors summed up.
 
     low, high: range of the command.
     """
-    off, on = _passive(model, motion, low, high, seconds)
+    off, on = _passive(model, motion, low, high, _SECONDS)
     wanted = [wanted_force(kind, off, on, motion.seed) for kind in WANTED]
     return lambda inverse: sum(track(model, motion, w, inverse).relative_error for w in wanted)
 

@@ -241,17 +241,15 @@ class LawInverse:
         self,
         model: Model,
         period: float = 1e-3,
-        horizon: float | None = None,
         commands: tuple[float, float] | None = None,
-        feedback: bool = True,
-        preview: bool = True,
         name: str = "law inverse",
     ) -> None:
-        """model: as identified, rig `damper`. period: of control, s. horizon: how far ahead the force is to be the
-        wanted one, s; None: the command's delay and half the driver's lag, at least one period. A shorter one leads
-        the driver harder. commands: range; None: 0 and up to the model's command_max. feedback: the measured force's
-        difference from the model's is counted, as much of it as lasted over the horizon up to now. preview: the wanted
-        force is extrapolated over the horizon by its last change (`Extrapolation`). Raises InputError.
+        """model: as identified, rig `damper`. period: of control, s. commands: range; None: 0 and up to the model's
+        command_max. Raises InputError.
+
+        The horizon is the command's delay and half the driver's lag, at least one period. The wanted force is
+        extrapolated over it by its last change, and of the measured force's difference from the model's as much is
+        counted as lasted over it up to now (`Extrapolation`).
         """
         require_period(f"inverse {name}", period)
         self.name, self.period = name, float(period)
@@ -260,22 +258,15 @@ class LawInverse:
             model.attributes.get(key, 0.0) for key in ("command_delay_d", "driver_lag_tau", "driver_lag_tau2")
         )
         delay += model.attributes.get("command_delay_period", 0.0)  # a clock's, at most
-        self.horizon = delay + max(period, 0.5 * sum(lags)) if horizon is None else horizon
-        if not delay < self.horizon < math.inf:
-            raise InputError(
-                f"inverse {name}: horizon is {horizon} s; allowed: longer than the command's delay of {delay:g} s"
-            )
-        steps = self.horizon / period
-        self._preview = Extrapolation(steps, period) if preview else None
-        self._feedback = Extrapolation(steps, period) if feedback else None
+        self.horizon = delay + max(period, 0.5 * sum(lags))
+        self._preview, self._feedback = (Extrapolation(self.horizon / period, period) for _ in range(2))
         self._predictor = ForcePredictor(model, period)
         self.reset()
 
     def reset(self) -> None:
         self._predictor.reset()
-        for extrapolated in (self._preview, self._feedback):
-            if extrapolated:
-                extrapolated.reset()
+        self._preview.reset()
+        self._feedback.reset()
         self.force = self.bias = 0.0
         self._velocity: float | None = None
         self._wanted: float | None = None
@@ -286,15 +277,12 @@ class LawInverse:
         before, self._velocity = self._velocity, v
         a = 0.0 if before is None else (v - before) / self.period
         self.force, read = self._predictor.follow((x, v, a))
-        if self._feedback:
-            error = y["force"] - read
-            self.bias = self._feedback(error, -error)
+        error = y["force"] - read
+        self.bias = self._feedback(error, -error)
         s = self.horizon
         ahead: Motion = x + v * s + 0.5 * a * s * s, v + a * s, a
-        aim = wanted_force
-        if self._preview:
-            last = wanted_force if self._wanted is None else self._wanted
-            aim = self._preview(wanted_force, (wanted_force - last) * s / self.period)
+        last = wanted_force if self._wanted is None else self._wanted
+        aim = self._preview(wanted_force, (wanted_force - last) * s / self.period)
         self._wanted = wanted_force
         self._last = search(
             lambda u: self._predictor.ahead(ahead, s, u) + self.bias,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -21,8 +21,6 @@ from mrdamp.simulation.mjcf import FRAME_STEP, RIG_STEP, mjcf
 
 if TYPE_CHECKING:
     from mrdamp.control.base import Controller
-
-Progress = Callable[[int], None]
 
 
 def _load(text: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -59,13 +57,11 @@ def _steps(dt: float, largest: float) -> int:
     return max(1, math.ceil(dt / largest - 1e-9))
 
 
-def drive_rig(
-    model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = RIG_STEP
-) -> dict[str, Array]:
+def drive_rig(model: Model, dt: float, inputs: Mapping[str, Array]) -> dict[str, Array]:
     """A damper record through MuJoCo: force_N and reference_force_N (n,) at the record's sample times.
 
-    dt (s) and inputs as in `Model.simulate`; the record's motion is imposed on the machine, with
-    steps no longer than `largest_step` (s), after the run-in of a record that begins in motion.
+    dt (s) and inputs as in `Model.simulate`; the record's motion is imposed on the machine, in steps of `RIG_STEP` at
+    most, after the run-in of a record that begins in motion.
     """
     x, u = inputs["displacement_m"], inputs["command"]
     v = inputs.get("velocity_m_s")
@@ -78,7 +74,7 @@ def drive_rig(
         lead, slow = before.stop - before.start, float(x[before.start] - np.mean(x[before.start : before.stop + 1]))
         x = np.append(x[before] + x[0] - x[before.stop], x)
         v, a, u = (np.append(channel[before], channel) for channel in (v, a, u))
-    n, inner = len(x), _steps(dt, largest_step)
+    n, inner = len(x), _steps(dt, RIG_STEP)
     t = dt * np.arange(n)
     x, v, a = true_motion(model.attributes, dt, x, v, a)
     fine = dt / inner * np.arange((n - 1) * inner + 1)
@@ -145,7 +141,6 @@ def run_frame(
     timestep: float = 2.5e-4,
     ideal_force: bool = False,
     each_step: bool = False,
-    progress: Progress | None = None,
 ) -> FrameRun:
     """The model's frame in MuJoCo under a ground motion; controller None takes the damper out.
 
@@ -221,8 +216,6 @@ def run_frame(
                 now[: len(columns)] = d.sensordata[columns]
                 if controller is not None and not damped:
                     now[-3:-1] = command, lever @ now[:storeys]
-        if progress is not None and k % 200 == 0:
-            progress(k * 100 // samples)
     _require_sound(model, d)
     n = (samples - 1) * parts + 1
     drift, acceleration, each = (part.copy() for part in np.split(found[:n], [storeys, 2 * storeys], axis=1))
@@ -231,14 +224,12 @@ def run_frame(
     return FrameRun(time, drift, acceleration, force, stroke, given[:n], current)
 
 
-def drive_frame(
-    model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = FRAME_STEP
-) -> dict[str, Array]:
+def drive_frame(model: Model, dt: float, inputs: Mapping[str, Array]) -> dict[str, Array]:
     """A frame record through MuJoCo: channels as in `Model.simulate`, (n,) each, at the sample time dt (s)."""
     if model.structure is None:
         raise InputError(f"{model.name}: rig damper has no frame to run")
     ag, u = inputs["ground_acceleration_m_s2"], inputs["command"]
-    storeys, n, inner = model.structure.storeys, len(ag), _steps(dt, largest_step)
+    storeys, n, inner = model.structure.storeys, len(ag), _steps(dt, FRAME_STEP)
     step, t = dt / inner, dt * np.arange(len(ag))
     push = np.interp(step * np.arange((n - 1) * inner + 1), t, ag)
     command = between(u, inner, False, bool(model.hold))
