@@ -28,11 +28,10 @@ from mrdamp.records import SUFFIXES, Record, RecordSet, read_records
 class Source:
     """Where a set is fetched from.
 
-    Attributes:
-        base: URL that file names are put behind, or `doi:...` of an archive whose registry lists files and hashes.
-        files: name behind the base -> hash (`sha256:...`), or "" where none was published: it is then written down at
-            the first fetch and checked from then on. Empty for a DOI: all of its files.
-        converter: of a file its half of the set and its record; None where the files stay as they are.
+    base: URL that file names are put behind, or `doi:...` of an archive whose registry lists files and hashes. files:
+    name behind the base -> hash (`sha256:...`), or "" where none was published: it is then written down at the first
+    fetch and checked from then on; empty for a DOI: all of its files. converter: of a file its half of the set and its
+    record; None where the files stay as they are.
     """
 
     base: str
@@ -42,12 +41,9 @@ class Source:
 
 @dataclass(frozen=True)
 class Dataset:
-    """A public set.
-
-    Attributes:
-        name: of its folder. rig, tests: in words. licence: as in the source. doi: "" for none. url: the source's
-            page. channels: in a record of it. command: what the command is, and its unit. source: None where it is
-            to be fetched by hand from the page.
+    """A public set. name: of its folder. rig, tests: in words. licence: as in the source. doi: "" for none. url: the
+    source's page. channels: in a record of it. command: what the command is, and its unit. source: None where it is to
+    be fetched by hand from the page.
     """
 
     name: str

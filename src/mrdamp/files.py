@@ -69,14 +69,9 @@ def files_in(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
 
 
 def decode(name: str, data: bytes) -> str:
-    """Text of a file's bytes; a name that ends in .gz is unpacked first. Line ends become ``\\n``.
+    """Text of a file's bytes, line ends as newlines; what is called name.gz is unpacked first.
 
-    Args:
-        name: the file's name, for its suffix and for the error line.
-        data: the bytes on disk.
-
-    Raises:
-        InputError: empty, not gzip, truncated or damaged gzip, too large when unpacked, not UTF-8 text.
+    Raises InputError: empty, not gzip, truncated or damaged gzip, too large when unpacked, not UTF-8 text.
     """
     if not data:
         raise InputError(f"{name}: the file is empty")

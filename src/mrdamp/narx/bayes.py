@@ -40,15 +40,11 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """The most probable weights and what is known of them.
+    """The most probable weights theta (M,) and what is known of them.
 
-    Attributes:
-        theta: (M,).
-        alpha, beta: of the prior and of the noise (its variance is 1 / (2 beta)), scaled units.
-        gamma: effective number of weights, 0 to M.
-        log_evidence: of the data given alpha and beta, Gaussian approximation around theta.
-        normal: J'J at theta, of the weights that may move.
-        converged: False where the number of iterations was the limit.
+    alpha, beta: of the prior and of the noise (its variance is 1 / (2 beta)), scaled units. gamma: effective number of
+    weights, 0 to M. log_evidence: of the data given alpha and beta, Gaussian approximation around theta. normal: J'J at
+    theta, of the weights that may move. converged: False where the number of iterations was the limit.
     """
 
     theta: Array
@@ -99,17 +95,11 @@ def minimise(
     iterations: int = 200,
     tolerance: float = 1e-5,
 ) -> Posterior:
-    """The most probable weights from a start.
+    """The most probable weights from a start theta (M,).
 
-    Args:
-        problem: the residuals.
-        theta: (M,) start.
-        alpha: start value.
-        beta: start value; None: from the residuals at the start.
-        reestimate: False keeps alpha and beta as they are.
-        free: (M,) bool, weights that may move; None: all. The others stay, and gamma counts the free ones.
-        iterations: at most.
-        tolerance: of the log evidence (of the objective without re-estimation), per residual.
+    alpha, beta: start values; beta None: from the residuals at the start. reestimate: False keeps both as they are.
+    free: (M,) bool, weights that may move, None: all; the others stay, and gamma counts the free ones. iterations: at
+    most. tolerance: of the log evidence (of the objective without re-estimation), per residual.
     """
     theta = np.array(theta, dtype=np.float64)
     moving = np.arange(len(theta)) if free is None else np.flatnonzero(free)

@@ -64,10 +64,8 @@ class Series:
 
 
 def lagged(channels: str = "viF", lags: int = 4) -> tuple[Input, ...]:
-    """Inputs of a lag space: x, v, i at lags 0 to `lags`, F at 1 to `lags` + 1 (Eq. 11 of Chen, Ni and Or).
-
-    Raises:
-        InputError: a channel other than x, v, i, F.
+    """Inputs of a lag space: x, v, i at lags 0 to `lags`, F at 1 to `lags` + 1 (Eq. 11 of Chen, Ni and Or). Raises
+    InputError.
     """
     inputs = tuple((channel, lag + (channel == "F")) for channel in channels for lag in range(lags + 1))
     check_inputs(inputs)
@@ -75,16 +73,10 @@ def lagged(channels: str = "viF", lags: int = 4) -> tuple[Input, ...]:
 
 
 def series(record: Record, sample_time: float | None = None) -> Series:
-    """A record's channels at the network's sample time.
+    """A damper record's channels at the network's sample time (s); None: the record's own.
 
-    The velocity is formed at the record's own rate, where differences are accurate, and resampled with the rest.
-
-    Args:
-        record: of a damper.
-        sample_time: s; None: the record's own.
-
-    Raises:
-        InputError: the force is missing, the displacement or the force is constant, or the force is clipped.
+    The velocity is formed at the record's own rate, where differences are accurate, and resampled with the rest. Raises
+    InputError: the force is missing, the displacement or the force is constant, or the force is clipped.
     """
     force = record.channel("force_N")
     check_channels([record], ("displacement_m", "force_N"))
@@ -109,10 +101,8 @@ def counted(record: Record, sample_time: float | None = None) -> Series:
 def protocol(
     record: Record, counts: tuple[int, int, int] = PROTOCOL, sample_time: float = PROTOCOL_TIME
 ) -> tuple[Series, Series, Series]:
-    """Training, validation and test part of one record, in time order, without a common sample.
-
-    Raises:
-        InputError: the record has fewer samples than the three together, or its command never varies.
+    """Training, validation and test part of one record, in time order, without a common sample. Raises InputError for a
+    record of fewer samples.
     """
     whole = series(record, sample_time)
     ends = np.cumsum((0, *counts))

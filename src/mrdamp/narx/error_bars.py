@@ -30,13 +30,10 @@ _DOUBTFUL, _OUTSIDE = 3.0, 0.2
 class ErrorBars:
     """Of a free run over one part.
 
-    Attributes:
-        record: its name.
-        deviation: (n,) N, standard deviation of the force as far as the weights are uncertain.
-        share: RMS of it over the standard deviation of the measured force. It ranks records rather than bounding
-            their errors: errors of one sign in a row count as independent in H, so the true error may be several
-            times as large. Where it is many times that of the training records, these do not suffice.
-        outside: channel -> how far it leaves the training range, over half of that range; 0 within.
+    record: its name. deviation: (n,) N, standard deviation of the force as far as the weights are uncertain. share: RMS
+    of it over the standard deviation of the measured force; it ranks records rather than bounding their errors: errors
+    of one sign in a row count as independent in H, so the true error may be several times as large. outside: channel ->
+    how far it leaves the training range, over half of that range; 0 within.
     """
 
     record: str
@@ -48,9 +45,7 @@ class ErrorBars:
 def error_bars(network: Network, posterior: Posterior, s: Series, most: int = 3000) -> ErrorBars:
     """Error bars of the free run from rest over the first `most` samples of a part.
 
-    Args:
-        network: with the weights of the posterior, none of them pruned.
-        posterior: from training in free run; its alpha and beta are in scaled units.
+    network: with the weights of the posterior, none of them pruned. posterior: from training in free run.
     """
     part = s.part(0, min(s.n, most))
     problem = FreeRun.of(network, [part], None)
@@ -88,12 +83,7 @@ def sufficiency(
     The errors decide: by the middle record of each side, as one odd record does not characterise the set. The
     posterior's error bars and inputs beyond their training range need no measured force and say where to measure.
 
-    Args:
-        network: as for `error_bars`.
-        posterior: as for `error_bars`.
-        train: records of the training. others: other parts of the records.
-        fitted: free-run errors on the training records.
-        new: free-run errors on the others.
+    network, posterior: as for `error_bars`. train, others: parts. fitted, new: free-run errors on them.
     """
     before, after = (float(np.median([e.nrmse for e in errors])) for errors in (fitted, new))
     suffice = after <= _WORSE * before

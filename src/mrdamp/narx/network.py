@@ -57,15 +57,9 @@ def output(layers: Sequence[tuple[Array, Array]], a: Array) -> Array:
 def derivatives(
     layers: Sequence[tuple[Array, Array]], a: Array, columns: Sequence[int] = ()
 ) -> tuple[Array, Array, Array]:
-    """Output with its exact derivatives, by backpropagation for all samples at once.
+    """Output y (N,), dy/dtheta (N, M) and dy/da (N, len(columns)), exact, by backpropagation for all samples at once.
 
-    Args:
-        layers: as from `unpack`.
-        a: scaled inputs (N, inputs).
-        columns: inputs whose derivatives are wanted too.
-
-    Returns:
-        y (N,), dy/dtheta (N, M), dy/da of the columns (N, len(columns)).
+    layers: as from `unpack`. a: scaled inputs (N, inputs). columns: inputs whose derivatives are wanted too.
     """
     n = len(a)
     values = [a]
@@ -119,16 +113,9 @@ class Network:
 
     Chen, Ni and Or (2015), Eqs. (5), (9), (11).
 
-    Attributes:
-        sample_time: s.
-        inputs: (channel, lag in samples); channels x (m), v (m/s), i (command), F (N, lag at least 1).
-        offset, scale: (inputs,), in the unit of the input and its reciprocal.
-        force_offset, force_scale: N.
-        hidden: units per hidden layer, none to two layers.
-        theta: (M,) weights, layer by layer as `unpack` takes them.
-
-    Raises:
-        InputError: an input, a number of layers or units, or an array that does not fit.
+    sample_time: s. inputs: (channel, lag in samples); channels x (m), v (m/s), i (command), F (N, lag at least 1).
+    offset, scale: (inputs,), in the unit of the input and its reciprocal. force_offset, force_scale: N. hidden: units
+    per hidden layer, none to two layers. theta: (M,) weights, layer by layer as `unpack` takes them. Raises InputError.
     """
 
     sample_time: float

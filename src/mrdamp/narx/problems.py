@@ -25,10 +25,7 @@ _RUN_AWAY = 50.0  # scaled force at which a free run counts as unbounded
 class OneStep:
     """Residuals over measured past forces; scaled units (force 2 from the least to the largest of the training).
 
-    Attributes:
-        inputs: number of inputs; hidden: units per layer.
-        a: scaled regressors (N, inputs).
-        target: scaled forces (N,).
+    inputs: number of them; hidden: units per layer; a: scaled regressors (N, inputs); target: scaled forces (N,).
     """
 
     inputs: int
@@ -74,12 +71,9 @@ class OneStep:
 class FreeRun:
     """Residuals of free runs over segments, which start from measured past forces or as the plugin starts.
 
-    Attributes:
-        network: inputs, scaling and layers; its weights are not used.
-        a: scaled regressors (H, S, inputs), S segments of up to H samples; the force's columns are not read.
-        past: scaled measured forces (max_lag, S) in front of the segments.
-        target: (H, S), scaled.
-        counts: (H, S) bool, residuals that count.
+    network: inputs, scaling and layers; its weights are not used. a: scaled regressors (H, S, inputs), S segments of up
+    to H samples; the force's columns are not read. past: scaled measured forces (max_lag, S) in front of the segments.
+    target: (H, S), scaled. counts: (H, S) bool, residuals that count.
     """
 
     network: Network

@@ -74,19 +74,11 @@ def prune(
 ) -> Pruned:
     """Removes weights until the free-run error is far above the best, and gives the smallest good network.
 
-    Args:
-        network: trained for free run.
-        train: parts to retrain on. validation: parts for evaluation.
-        share: part of the remaining weights that goes at a time.
-        tolerance: how much worse than the best the smallest network may be, relative.
-        least: weights at which it stops.
-        horizon: samples of the free runs that it is retrained on; None: whole splits.
-        most: samples at most. iterations: retraining steps each time.
-        method: "surgeon"; "magnitude" (the smallest weights go); "structure" (whole neurons and lags, one by one).
-        progress: called with what is done and a share from 0 to 1.
-
-    Raises:
-        InputError: an unknown method, a share or tolerance out of range, or no validation splits.
+    network: trained for free run. train: parts to retrain on; validation: for evaluation. share: part of the remaining
+    weights that goes at a time. tolerance: how much worse than the best the smallest network may be, relative. least:
+    weights at which it stops. horizon: samples of the free runs that it is retrained on, None: whole splits; most:
+    samples at most; iterations: retraining steps each time. method: `surgeon`; `magnitude` (the smallest weights go);
+    `structure` (whole neurons and lags, one by one). Raises InputError.
     """
     if method not in METHODS:
         raise InputError(f"pruning by '{method}'; allowed: {', '.join(METHODS)}")

@@ -153,22 +153,11 @@ def select(
 ) -> Choice:
     """Chooses inputs, then lags, then hidden units, each by the validation error with the others held.
 
-    Args:
-        train: parts at one sample time.
-        validation: the same.
-        sets: channels to try; None: with the current where the command varies.
-        lags: to try.
-        units: to try. start: lags and units while the inputs are chosen; None: 4 and 10, as in the paper.
-        by: "free_run", or "one_step" as in the paper.
-        effort: how thoroughly each is trained.
-        seed: the same seed gives the same choice, for any number of workers.
-        seeds: how many times each candidate is trained, from this seed on; its median counts.
-        workers: processes.
-        cache: JSON file of finished trials; a search that was interrupted continues from it.
-        progress: called with what is done and a share from 0 to 1.
-
-    Raises:
-        InputError: no validation parts, `by` unknown, or a cache that cannot be read.
+    train, validation: parts at one sample time. sets: channels to try; None: with the current where the command varies.
+    lags, units: to try. start: lags and units while the inputs are chosen; None: 4 and 10, as in the paper. by:
+    `free_run`, or `one_step` as in the paper. effort: how thoroughly each is trained. seed: gives the same choice for
+    any number of workers (processes). seeds: how many times each candidate is trained, from this seed on; its median
+    counts. cache: JSON file of finished trials, from which an interrupted search goes on. Raises InputError.
     """
     if by not in ("free_run", "one_step"):
         raise InputError(f"choice by '{by}'; allowed: free_run, one_step")

@@ -129,28 +129,18 @@ def train_narx(
 ) -> FitNarx:
     """Trains a network and evaluates it.
 
-    Every initialisation is trained one step ahead; those of the largest evidence go on into free run over
-    growing horizons. The stage with the least free-run error on the validation stretches (on the training
-    ones where there are none) is kept; the test stretches are never looked at before the end.
+    Every initialisation is trained one step ahead; those of the largest evidence go on into free run over growing
+    horizons. The stage with the least free-run error on the validation stretches (on the training ones where there are
+    none) is kept; the test stretches are never looked at before the end.
 
-    Args:
-        train: stretches; lags never reach from one into another.
-        validation: the same.
-        test: the same.
-        inputs: as from `lagged`. hidden: tanh units per layer, such as (20,) or (10, 4).
-        initialisations: number of random starts. refined: how many of them are trained in free run.
-        horizons: stages of the free-run training, samples; () leaves it out.
-        seed: the same seed gives the same network.
-        most: samples per iteration at most.
-        one_step_iterations: Levenberg-Marquardt steps one step ahead.
-        iterations: the same per horizon.
-        score: error that the stages are chosen by; None: free run on the validation splits.
-        workers: processes; the same network for any number.
-        cache: JSON file of what is finished; training that was interrupted continues from it.
-        progress: called with what is done and a share from 0 to 1.
+    train, validation, test: stretches; lags never reach from one into another. inputs: as from `lagged`. hidden: tanh
+    units per layer, such as (20,) or (10, 4). initialisations: random starts; refined: how many of them are trained in
+    free run. horizons: stages of that, samples; () leaves it out. seed: gives the same network for any number of
+    workers (processes). most: samples per iteration at most. one_step_iterations, iterations: Levenberg-Marquardt steps
+    one step ahead, and per horizon. score: error that the stages are chosen by; None: free run on the validation
+    splits. cache: JSON file of what is finished, from which an interrupted training goes on.
 
-    Raises:
-        InputError: too few samples, a constant channel, a command that never varies, different sample times.
+    Raises InputError: too few samples, a constant channel, a command that never varies, different sample times.
     """
     check_inputs(inputs)
     check_hidden(hidden)

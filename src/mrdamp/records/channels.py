@@ -71,16 +71,10 @@ def canonical_name(name: str) -> str | None:
 
 
 def check_header(file: str, header: Sequence[str], required: Sequence[str] | None) -> tuple[str, ...]:
-    """Sort a header's names into channels (returned, in file order) and columns to leave out.
+    """The channels of a header's stripped names, in file order.
 
-    Args:
-        file: the file's name, for the error line.
-        header: the names of the columns, stripped.
-        required: channels that must be there; None: the inputs of a damper, or of a frame where the
-            file has a frame's channels.
-
-    Raises:
-        InputError: a column without a name, a name twice, a wrong unit, a missing channel.
+    required: channels that must be there; None: the inputs of a damper, or of a frame where the file has a frame's
+    channels. Raises InputError: a column without a name, a name twice, a wrong unit, a missing channel.
     """
     seen: set[str] = set()
     for position, name in enumerate(header, start=1):

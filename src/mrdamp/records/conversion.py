@@ -88,15 +88,11 @@ def convert(path: Path | str, columns: Sequence[Column], rate: float | None = No
     """A rig's table, in any form that `tables.columns_of` reads, as a record.
 
     A clock that wanders is replaced by a uniform one of its mean step, rounded to three digits, along straight lines.
+    columns: where the channels come from; `command=0.5:A` is a constant. rate: Hz; of the file where no column is its
+    time, else the record is resampled to it.
 
-    Args:
-        path: text, also packed (.gz), .xlsx, .mat, .npz or .parquet.
-        columns: where the channels come from; `command=0.5:A` is a constant.
-        rate: Hz; of the file where no column is its time, else the record is resampled to it.
-
-    Raises:
-        InputError: one line: a column that is not there, a cell that is no number, a clock that stands or has holes,
-            neither time nor rate, or a force that would drive the damper.
+    Raises InputError: a column that is not there, a cell that is no number, a clock that stands or has holes, neither
+    time nor rate, or a force that would drive the damper.
     """
     path = Path(path)
     found = [c.channel for c in columns]

@@ -30,18 +30,12 @@ _GRID_TOLERANCE = 0.05  # of a step: how far a sample may lie from the uniform g
 def parse(
     file: str, text: str, required: Sequence[str] | None = None
 ) -> tuple[dict[str, Array], tuple[str, ...], float]:
-    """Columns of a record's text.
+    """Columns of a record's text: channels in file order, (n,) float64 each; names of the columns left out; sample
+    time, s.
 
-    Args:
-        file: the file's name, for error lines.
-        text: the whole file, lines ended by ``\\n``.
-        required: channels that must be there (see `mrdamp.records.channels.check_header`).
-
-    Returns:
-        channels in file order, each (n,) float64; the names of the columns left out; the sample time in s.
-
-    Raises:
-        InputError: one line with the file, the line number and the channel.
+    file: its name, for error lines. text: the whole file, lines ended by a newline. required: channels that must be
+    there (see `mrdamp.records.channels.check_header`). Raises InputError with the file, the line number and the
+    channel.
     """
     text = text.rstrip()
     count, end = text.count("\n"), text.find("\n")
@@ -75,18 +69,11 @@ def parse(
 
 
 def uniform_step(file: str, time: Array, first_line: int = 2) -> float:
-    """Sample time of a printed time column, (t[-1] - t[0]) / (n - 1), after a check that it is uniform.
+    """Sample time of a printed time column (n,) s, (t[-1] - t[0]) / (n - 1), after a check that it is uniform.
 
-    Times are printed with limited digits, so a time may be off by half of the last digit; beyond that, and
-    1 % of a step, a clock counts as non-uniform.
-
-    Args:
-        file: the file's name, for the error line.
-        time: (n,) s, finite, n >= 3.
-        first_line: line of the file that holds time[0].
-
-    Raises:
-        InputError: time stands, goes back, leaves samples out or wanders.
+    Times are printed with limited digits, so a time may be off by half of the last digit; beyond that, and 1 % of a
+    step, a clock counts as non-uniform. first_line: of the file, that holds time[0]. Raises InputError: time stands,
+    goes back, leaves samples out or wanders.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(time)
@@ -152,19 +139,11 @@ def rendered(columns: Mapping[str, Array], digits: int = 9) -> Iterator[str]:
 def numbers(
     file: str, names: Sequence[str], rows: list[str], picked: list[int], first_line: int = 2, least: int = _LEAST
 ) -> Array:
-    """(n, len(picked)) finite numbers of the rows' columns ``picked``.
+    """(n, len(picked)) finite numbers of the rows' columns `picked`; the others may hold anything.
 
-    Args:
-        file: the file's name, for the error line.
-        names: of all columns.
-        rows: the lines, one a sample.
-        picked: the columns to read; the others may hold anything.
-        first_line: line of the file that rows[0] is.
-        least: number of rows.
-
-    Raises:
-        InputError: a picked column twice, too few rows, a ragged row, a cell that is not a number, NaN or infinity,
-            with its line.
+    file: its name, for the error line. names: of all columns. rows: the lines, one a sample, from first_line of the
+    file on; least: how many. Raises InputError: a picked column twice, too few rows, a ragged row, a cell that is not a
+    number, NaN or infinity, with its line.
     """
     if twice := [names[k] for k in picked if names.count(names[k]) > 1]:
         raise InputError(f"{file}: two columns are named {show(twice[0])}; rename one")

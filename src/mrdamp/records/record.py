@@ -29,17 +29,12 @@ PACKAGED = ("embedded", "self_sensing", "foam")
 class Record(Shown):
     """One test: channels (n,) on a uniform clock.
 
-    Attributes:
-        name: name of the file without folder and suffix.
-        path: where it was read from; None for one made in memory or embedded.
-        sample_time: s.
-        channels: name -> (n,) float64, read-only, in file order; the names and units of
-            `mrdamp.records.channels.CHANNELS`. ``time_s`` is put in front when it is not given.
-        ignored: columns of the file that are no channels.
-        lead: number of samples at its start that lead into it: simulated, and compared with nothing.
+    name: of the file without folder and suffix. path: where it was read from; None for one made in memory or embedded.
+    sample_time: s. channels: name -> (n,) float64, read-only, in file order; the names and units of
+    `mrdamp.records.channels.CHANNELS`, `time_s` is put in front when it is not given. ignored: columns of the file that
+    are no channels. lead: number of samples at its start that lead into it: simulated, and compared with nothing.
 
-    Raises:
-        InputError: not a channel name, unequal lengths, fewer than 3 samples, a number that is not finite.
+    Raises InputError: not a channel name, unequal lengths, fewer than 3 samples, a number that is not finite.
     """
 
     picture: ClassVar[str] = "mrdamp.pictures.damper:channels"
@@ -122,10 +117,8 @@ class Record(Shown):
         return self.channels[name]
 
     def velocity(self, cutoff_hz: float | None = None) -> Array:
-        """(n,) m/s: the displacement's central difference, whether a velocity was measured or not.
-
-        Args:
-            cutoff_hz: zero-phase Butterworth low-pass before differentiation.
+        """(n,) m/s: the displacement's central difference, whether a velocity was measured or not; cutoff_hz: of a
+        zero-phase Butterworth low-pass before it.
         """
         return sampling.derivative(self._smooth("displacement_m", cutoff_hz), self.sample_time)
 
@@ -252,15 +245,10 @@ class RecordSet:
 
 
 def read_record(path: Path | str, required: Sequence[str] | None = None) -> Record:
-    """Read a .csv or .csv.gz of the channels in `mrdamp.records.channels.CHANNELS`.
+    """Reads a .csv or .csv.gz of the channels in `mrdamp.records.channels.CHANNELS`.
 
-    Args:
-        path: the file.
-        required: channels that must be there; None: time, command and displacement (damper), or ground
-            acceleration where the file has a frame's channels.
-
-    Raises:
-        InputError: one line with the file, the line number and the channel.
+    required: channels that must be there; None: time, command and displacement (damper), or ground acceleration where
+    the file has a frame's channels. Raises InputError with the file, the line number and the channel.
     """
     require_path(path="" if path is None else path)
     path = Path(path)
@@ -282,21 +270,17 @@ def read_record(path: Path | str, required: Sequence[str] | None = None) -> Reco
 def read_records(
     source: Path | str | Sequence[Path | str], required: Sequence[str] | None = None
 ) -> RecordSet:
-    """Read a folder, a file or a list of them, sorted by name.
+    """Reads a folder, a file or a list of them, sorted by name.
 
-    The name of a set of `PACKAGED`, where no such file or folder is there, is that set. A folder with ``train/`` and
-    ``validation/``, and ``test/`` where there is one, gives the division. Otherwise records are held out whole:
-    every third one (the last of two) is for validation, another in its place where its command goes beyond those of
-    the rest, and a test that repeats another (``repeat`` in its
-    name, same input) stays on the side of the other. A record that is alone is cut in time, where it has
-    covered two thirds of its path: the rest is held out, simulated from the record's start on.
+    The name of a set of `PACKAGED`, where no such file or folder is there, is that set. A folder with `train/` and
+    `validation/`, and `test/` where there is one, gives the division. Otherwise records are held out whole: every third
+    one (the last of two) is for validation, another in its place where its command goes beyond those of the rest, and a
+    test that repeats another (`repeat` in its name, same input) stays on the side of the other. A record that is alone
+    is cut in time, where it has covered two thirds of its path: the rest is held out, simulated from the record's start
+    on.
 
-    Args:
-        source: a folder, one file or several.
-        required: as in `read_record`.
-
-    Raises:
-        InputError: no records, a half of the set missing, two files of one name, a record twice, or a bad record.
+    required: as in `read_record`. Raises InputError: no records, a half of the set missing, two files of one name, a
+    record twice, or a bad record.
     """
     if isinstance(source, Path | str):
         require_path(source=source)

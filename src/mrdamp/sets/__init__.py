@@ -35,18 +35,12 @@ class CommandRange:
 class ParameterSet:
     """A published damper.
 
-    Attributes:
-        id: name of the set and of its file.
-        device: what was measured, and its force scale.
-        law: force law of the contract.
-        parameters: attribute -> value in SI units; the law's own first, in the contract's order, then the
-            optional dependences on the field, then ``command_min`` and ``command_max`` where the force
-            depends on the command.
-        command: range the numbers hold for.
-        status: A: two independent public copies, or one and reproduced results; B: one public copy.
-        sources: papers and repositories, the first one is where the numbers were published.
-        notes: conversions made, and what is doubtful.
-        effects: effect -> parameter -> value, for what the source has beside the law (the coil's lag).
+    id: name of the set and of its file. device: what was measured, and its force scale. parameters: attribute -> value
+    in SI units; the law's own first, in the contract's order, then the optional dependences on the field, then
+    `command_min` and `command_max` where the force depends on the command. command: range the numbers hold for. status:
+    A: two independent public copies, or one and reproduced results; B: one public copy. sources: papers and
+    repositories, the first one is where the numbers were published. notes: conversions made, and what is doubtful.
+    effects: effect -> parameter -> value, for what the source has beside the law (the coil's lag).
     """
 
     id: str
@@ -82,11 +76,7 @@ def names() -> tuple[str, ...]:
 
 @cache
 def load(id: str) -> ParameterSet:
-    """The set of that id.
-
-    Raises:
-        InputError: no such set; the line lists those there are.
-    """
+    """The set of that id. Raises InputError, which lists those there are."""
     if id not in names():
         raise InputError(f"parameter set {id!r}: no such set; there are {', '.join(names())}")
     data = json.loads(resources.files(__name__).joinpath(f"{id}.json").read_text(encoding="utf-8"))
