@@ -30,7 +30,7 @@ from mrdamp.envs.loads import (
     SyntheticMotions,
     WindLoads,
 )
-from mrdamp.envs.plant_env import Plant, PlantEnv, StructureEnv
+from mrdamp.envs.plant_env import PlantEnv, StructureEnv
 from mrdamp.envs.structure import Structure
 from mrdamp.registration import ENVIRONMENTS, register
 from mrdamp.structures.lumped import Mechanics
@@ -61,7 +61,6 @@ __all__ = [
     "Mechanics",
     "MixedMotions",
     "Observer",
-    "Plant",
     "PlantEnv",
     "RecordedMotions",
     "RecordedRoads",

@@ -14,12 +14,13 @@ from scipy import signal
 
 from mrdamp import sets
 from mrdamp.control.cable import CableSite
+from mrdamp.control.lqg import first_order_hold
 from mrdamp.control.registry import largest_force
 from mrdamp.envs.cable_xml import CableView
 from mrdamp.envs.linear_rows import ByMatrices, CableChain, CableRows
 from mrdamp.envs.loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.options import model_of
-from mrdamp.envs.plant_env import PlantEnv, RowPlant
+from mrdamp.envs.plant_env import KindPlant, PlantEnv
 from mrdamp.envs.structure import Part, Total, Weights, of_dampers
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import VALIDATION_SEED, CableLoads
@@ -76,8 +77,9 @@ def free_run(cable: StayCable, forces: Array, sample_time: float) -> Array:
     squares, energies = np.zeros(2), np.zeros(len(at))
     for w, force in zip(cable.natural, forces.T, strict=True):
         push, damping = np.interp(at, samples, force), 2 * cable.ratio * w
-        a, held, rise = _moved(w, cable.ratio, dt)
-        given = held[:, None] * push[:-1] + rise[:, None] * np.diff(push)  # (2, steps): coordinate and rate
+        system = np.array([[0.0, 1.0], [-w * w, -damping]])
+        a, before, after = first_order_hold(system, np.array([[0.0], [1.0]]), dt)
+        given = before * push[:-1] + after * push[1:]  # (2, steps): coordinate and rate
         poles, state = [1.0, -np.trace(a), np.linalg.det(a)], np.zeros((2, len(at)))
         # (1 - a / z)^-1 by Cramer's rule.
         state[:, 1:] = given
@@ -88,17 +90,6 @@ def free_run(cable: StayCable, forces: Array, sample_time: float) -> Array:
     if not squares[0] > 0:
         raise InputError("the load is zero throughout; there is nothing to control")
     return np.array([*squares / (cable.mass * cable.length), energies.max()])
-
-
-def _moved(w: float, ratio: float, dt: float) -> tuple[Array, Array, Array]:
-    """What becomes of coordinate and rate of an oscillator (rad/s) over dt, (2, 2), and what a force of 1 N adds that
-    is held, and one that rises to it from zero, (2,) each."""
-    damped, fall = w * math.sqrt(1 - ratio**2), ratio * w
-    c, s = math.exp(-fall * dt) * math.cos(damped * dt), math.exp(-fall * dt) * math.sin(damped * dt) / damped
-    a = np.array([[c + fall * s, s], [-w * w * s, c - fall * s]])
-    back = np.linalg.inv(np.array([[0.0, 1.0], [-w * w, -2 * fall]]))
-    held = back @ (a - np.eye(2))[:, 1]
-    return a, held, back @ (held - [0.0, dt]) / dt
 
 
 #: RMS over the scales under the default loads and commands that change evenly between none and the largest.
@@ -258,21 +249,13 @@ class CableTask(KindTask):
     structure: Cable
 
 
-class CablePlant(RowPlant):
+class CablePlant(KindPlant):
     """A stay cable with a damper, in MuJoCo or on the chain (engine), for any controller, without rewards.
 
-    cable, model, measured_at, bandwidth: as of `Cable`. options: of `RowOptions`. Raises InputError.
+    Arguments: fields of `Cable`, and those of `RowOptions` by name. Raises InputError.
     """
 
-    def __init__(
-        self,
-        cable: StayCable | None = None,
-        model: Model | None = None,
-        measured_at: Sequence[float] | None = None,
-        bandwidth: float | None = None,
-        **options: Any,
-    ) -> None:
-        super().__init__(Cable(cable or StayCable(), model, measured_at, bandwidth), **options)
+    kind = Cable
 
 
 class CableEnv(PlantEnv):
@@ -292,14 +275,13 @@ class CableEnv(PlantEnv):
     damper is the plugin `mrdamp.damper` on a tendon over all of them. The slide chain with sag of `models_xml/cable`
     is the reference in the tests and the model that is rendered.
 
-    ## Action Space
-
-    As in `PlantEnv`; the damper's transmission is the tendon `stroke`. Below its least command, .6 V of 4 V (actions up
-    to -.7), the default damper does as at .6 V: a dead zone.
+    Spaces, starting state, episode end and the arguments of every environment are those of `PlantEnv`. The damper's
+    transmission is the tendon `stroke`. Below its least command, .6 V of 4 V (actions up to -.7), the default damper
+    does as at .6 V: a dead zone.
 
     ## Observation Space
 
-    As in `PlantEnv`. With the defaults there are 5:
+    With the defaults:
 
     | Num | Observation | Min | Max | Name (in the XML file) | Place | Unit before scaling |
     |-----|-------------|-----|-----|------------------------|-------|------|
@@ -312,28 +294,19 @@ class CableEnv(PlantEnv):
     The accelerometers are ideal by default, and what they read hangs on the number of modes
     (docs/reference/environments.md). `signals=["acceleration_2", "stroke", "stroke_velocity", "force"], bandwidth=62.5`
     does not.
-    `measured_at` sets the places. `history=h` stacks the last h control periods, the newest first.
     Other `signals`: `displacement_j`, `velocity_j` at place j, `stroke_velocity`, `current`, `true_force`.
     `full_state=True` gives displacements and velocities at as many places as there are sines, and the current.
-    White `noise` by name.
 
     ## Rewards
 
-    The sum of the parts of `mrdamp.envs.cable.CableReward`. Each is in `info` as `reward_motion`,
-    `reward_acceleration`, `reward_current`, `reward_power`, `reward_energy`. Motion is relative to its RMS under
-    the same load without the damper: by default an episode's return is -100 times the square of that ratio, and the
-    current is free. `info` also has, since the episode's start: `rms_motion` (m, over time and
-    length), `motion_ratio` (the same over the run without the damper), `mean_current` (A or V), `mean_power` (over
-    that at the largest current), `dissipated_energy` (J). The `info` of `reset`: `load`, `load_rms` (N/m),
-    `duration` (s), `reference_motion` (m).
-
-    ## Starting State
-
-    As in `PlantEnv`: `reset(options={"load": CableLoad, "amplitude": factor})`.
+    The sum of the parts of `mrdamp.envs.cable.CableReward`, each in `info` as `reward_` and its name. By default an
+    episode's return is -100 times the square of `motion_ratio`, and the current is free. `info` also has, since the
+    episode's start: `rms_motion` (m, over time and length), `motion_ratio` (the same over the run without the damper),
+    `mean_current` (A or V), `mean_power` (over that at the largest current), `dissipated_energy` (J). The `info` of
+    `reset(options={"load": CableLoad, "amplitude": factor})`: `load`, `load_rms` (N/m), `duration` (s),
+    `reference_motion` (m).
 
     ## Arguments
-
-    In addition to those of every environment (`PlantEnv`):
 
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|

@@ -18,7 +18,7 @@ from mrdamp.envs.frame_rows import CarChain, CarRows
 from mrdamp.envs.frame_xml import CarView, car_xml, frame_models
 from mrdamp.envs.loads import IsoRoads, RoadSource
 from mrdamp.envs.options import model_of
-from mrdamp.envs.plant_env import PlantEnv, RowPlant
+from mrdamp.envs.plant_env import KindPlant, PlantEnv
 from mrdamp.envs.structure import Part, Structure, Total, Weights, floor_names, largest_force, of_dampers
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import TrainingRoads, validation_roads
@@ -246,15 +246,14 @@ class CarTask(KindTask):
     structure: Car
 
 
-class CarPlant(RowPlant):
+class CarPlant(KindPlant):
     """A quarter car with a damper, in MuJoCo or on the chain (engine), for any controller, without rewards.
 
-    car, model: as of `Car`. Floor 1 of the measurements is the wheel, 2 the body; displacements and velocities are
-    those to the road. options: of `RowOptions`. Raises InputError.
+    Floor 1 of the measurements is the wheel, 2 the body; displacements and velocities are those to the road.
+    Arguments: fields of `Car`, and those of `RowOptions` by name. Raises InputError.
     """
 
-    def __init__(self, car: QuarterCar | None = None, model: Model | None = None, **options: Any) -> None:
-        super().__init__(Car(car or QuarterCar(), model), **options)
+    kind = Car
 
 
 class CarEnv(PlantEnv):
@@ -271,13 +270,12 @@ class CarEnv(PlantEnv):
 
     The physics is that of `models_xml/quarter_car/model.xml`.
 
-    ## Action Space
-
-    As in `PlantEnv`; the damper's transmission is the joint `suspension`.
+    Spaces, starting state, episode end and the arguments of every environment are those of `PlantEnv`. The damper's
+    transmission is the joint `suspension`.
 
     ## Observation Space
 
-    As in `PlantEnv`. With the defaults there are 5:
+    With the defaults:
 
     | Num | Observation | Min | Max | Name (in the XML file) | Joint | Unit before scaling |
     |-----|-------------|-----|-----|------------------------|-------|------|
@@ -287,18 +285,15 @@ class CarEnv(PlantEnv):
     | 3 | force of the damper, by its own sensor | -20 | 20 | force | suspension | N |
     | 4 | command held in the period that ended | 0 | 1 | damper | suspension | A or V |
 
-    `history=h` stacks the last h control periods, the newest first. Other `signals`: `displacement_j`,
-    `velocity_j` (of wheel, 1, and body, 2, to the road), `drift_1` (deflection of the tyre, m), `drift_2`,
-    `stroke_velocity`, `current`, `true_force`. `full_state=True` adds the stroke's velocity, the
-    tyre's deflection and the current. White `noise` by name.
+    Other `signals`: `displacement_j`, `velocity_j` (of wheel, 1, and body, 2, to the road), `drift_1` (deflection of
+    the tyre, m), `drift_2`, `stroke_velocity`, `current`, `true_force`. `full_state=True` adds the stroke's velocity,
+    the tyre's deflection and the current.
 
     ## Rewards
 
-    The sum of the parts of `mrdamp.envs.car.CarReward`. Each is in `info` as `reward_comfort`,
-    `reward_holding`, `reward_stroke`, `reward_airborne`, `reward_current`, `reward_power`. Comfort is the body's
-    acceleration weighted by Wk of ISO 2631-1, holding the dynamic load on the tyre. Both are relative to their RMS on
-    the same road with a linear suspension (a dashpot of .3 of critical), whose return is -100: by default the return is
-    -50 times the sum of the squares of both ratios, and the current is free.
+    The sum of the parts of `mrdamp.envs.car.CarReward`, each in `info` as `reward_` and its name. By default the return
+    is -50 times the sum of the squares of `comfort_ratio` and `load_ratio`, -100 with the linear suspension (a dashpot
+    of .3 of critical), and the current is free.
 
     `info` also has, since the episode's start: `weighted_acceleration` (RMS, m/s2), `rms_load` (of the dynamic tyre
     load, over the weight), `rms_stroke`, `peak_stroke` (m), `comfort_ratio`, `load_ratio`, `stroke_ratio` (over the
@@ -308,11 +303,9 @@ class CarEnv(PlantEnv):
 
     ## Starting State
 
-    As in `PlantEnv`: `reset(options={"road": Road or file, "speed": m/s, "amplitude": factor})`.
+    `reset(options={"road": Road or file, "speed": m/s, "amplitude": factor})`.
 
     ## Arguments
-
-    In addition to those of every environment (`PlantEnv`):
 
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|

@@ -17,7 +17,7 @@ from mrdamp.control.registry import Site
 from mrdamp.envs.frame_rows import FrameChain, FrameRows
 from mrdamp.envs.frame_xml import FrameView, Position, frame_models, frame_xml
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut, played
-from mrdamp.envs.plant_env import PlantEnv, RowPlant
+from mrdamp.envs.plant_env import KindPlant, PlantEnv
 from mrdamp.envs.structure import Part, Structure, Total, Weights, floor_names, largest_force, of_dampers
 from mrdamp.envs.task import KindTask, Task
 from mrdamp.envs.training_loads import some_motions, training_motions, validation_motions
@@ -286,21 +286,14 @@ def positions(damper_between: Position | Sequence[Position]) -> tuple[Position, 
     return tuple((int(a), int(b)) for a, b in pairs.reshape(-1, 2))
 
 
-class FramePlant(RowPlant):
+class FramePlant(KindPlant):
     """A shear frame on a moving ground, in MuJoCo or on the chain (engine), with a damper or several.
 
-    model, structure, damper_between: as of `Frame`. options: of `RowOptions`; the ground moves at each of the engine's
-    steps. The measurements of a second damper have `_2` at the end, as `force_2`. Raises InputError.
+    The ground moves at each of the engine's steps. The measurements of a second damper have `_2` at the end, as
+    `force_2`. Arguments: fields of `Frame`, and those of `RowOptions` by name. Raises InputError.
     """
 
-    def __init__(
-        self,
-        model: Model | Sequence[Model] | None = None,
-        structure: ShearFrame | None = None,
-        damper_between: Position | Sequence[Position] | None = None,
-        **options: Any,
-    ) -> None:
-        super().__init__(Frame(model, structure, damper_between), **options)
+    kind = Frame
 
 
 class FrameEnv(PlantEnv):
@@ -315,13 +308,12 @@ class FrameEnv(PlantEnv):
 
     The physics is that of `models_xml/frame3/model.xml`, with the given storeys, dampers and sensors.
 
-    ## Action Space
-
-    As in `PlantEnv`; a damper's transmission is the joint of its storey, or a tendon over several.
+    Spaces, starting state, episode end and the arguments of every environment are those of `PlantEnv`. A damper's
+    transmission is the joint of its storey, or a tendon over several.
 
     ## Observation Space
 
-    As in `PlantEnv`. With the defaults, three storeys and one damper there are 6:
+    With the defaults, three storeys and one damper:
 
     | Num | Observation | Min | Max | Name (in the XML file) | Joint | Unit before scaling |
     |-----|-------------|-----|-----|------------------------|-------|------|
@@ -333,20 +325,16 @@ class FrameEnv(PlantEnv):
     | 5 | command held in the period that ended | 0 | 1 | damper | storey1 | A or V |
 
     The scales are those of a strong motion; under the default motions the RMS is .1 to .3, with `normalise=True` about
-    1. `history=h` stacks the last h control periods, the newest first. Other `signals` to choose from:
-    `displacement_j`, `velocity_j` (floor to ground, m and m/s), `drift_j` (m), `stroke_velocity` (m/s), `current`
-    (A or V), `true_force` (N, an ideal load cell); those of a second damper end in `_2`. `full_state=True` gives
-    all displacements, velocities and currents. `mrdamp compare` gives a policy what a rig measures: accelerations,
-    displacements, stroke, its velocity and force; a policy that sees more is for training alone. Sensors have the
-    effects of the model (`sensor_gain`, `sensor_lag`, ...), and white `noise`. The default observation contains only
-    what sensors can measure, without the ground's motion.
+    1. Other `signals`: `displacement_j`, `velocity_j` (floor to ground, m and m/s), `drift_j` (m), `stroke_velocity`
+    (m/s), `current` (A or V), `true_force` (N, an ideal load cell); those of a second damper end in `_2`.
+    `full_state=True` gives all displacements, velocities and currents. `mrdamp compare` gives a policy what a rig
+    measures: accelerations, displacements, stroke, its velocity and force; a policy that sees more is for training
+    alone. Sensors have the effects of the model (`sensor_gain`, `sensor_lag`, ...).
 
     ## Rewards
 
-    The sum of the parts of `mrdamp.envs.frame.FrameReward`. Each is in `info` as `reward_drift`,
-    `reward_acceleration`, `reward_drift_peak`, `reward_acceleration_peak`, `reward_current`, `reward_power`,
-    `reward_energy`. Drift and acceleration are relative to their peaks in the same motion without dampers: by default
-    an episode's return is -50 (J1 + J2), -100 without dampers, and the current is free.
+    The sum of the parts of `mrdamp.envs.frame.FrameReward`, each in `info` as `reward_` and its name. By default an
+    episode's return is -50 (J1 + J2), -100 without dampers, and the current is free.
 
     `info` also has, since the episode's start: `peak_drift` (m), `peak_acceleration` (m/s2), both over all steps of
     the engine; `drift_ratio` and `acceleration_ratio`, the same over the reference run (J1 and J2 of the benchmark
@@ -356,18 +344,11 @@ class FrameEnv(PlantEnv):
 
     ## Starting State
 
-    As in `PlantEnv`:
     `reset(options={"motion": GroundMotion or file, "amplitude": factor, "compression": factor})`. A file is played five
     times as fast as it was recorded, as for the model frame of Dyke et al., a `GroundMotion` as it is, unless there is
     a `compression`: the rule of `RecordedMotions` too.
 
-    ## Episode End
-
-    As in `PlantEnv`, or after `duration`.
-
     ## Arguments
-
-    In addition to those of every environment (`PlantEnv`):
 
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -21,31 +21,12 @@ from mrdamp.errors import InputError, require_one_of, require_positive
 from mrdamp.simulation.rows import finite
 
 
-class Plant(Protocol):
-    """Interface of the plant of a controller.
-
-    Measurements are named as in `mrdamp.control.base`; `time` is theirs, s. period: s. command_max: A or V.
-    """
-
-    period: float
-    command_max: float
-
-    @property
-    def time(self) -> float:
-        """Of the last measurements, s."""
-
-    def reset(self, load: Any) -> Mapping[str, float]:
-        """At rest under a load; the measurements at time 0."""
-
-    def step(self, command: float) -> Mapping[str, float]:
-        """One control period with the command held; the measurements at its end."""
-
-
 class RowPlant:
-    """A structure as a `Plant`. options: of `RowOptions`. Raises InputError.
+    """A structure as the plant of a controller. options: of `RowOptions`. Raises InputError.
 
-    Attributes: structure; rows, one of it; period, s; commands_max, (m,) of all dampers, and command_max, of the first,
-    A or V; of_period, result of `EngineRows.advance_one` for the last control period.
+    Measurements are named as in `mrdamp.control.base`. Attributes: structure; rows, one of it; period, s; commands_max,
+    (m,) of all dampers, and command_max, of the first, A or V; of_period, result of `EngineRows.advance_one` for the
+    last control period.
     """
 
     of_period: Sequence[float]
@@ -77,6 +58,17 @@ class RowPlant:
         each = command if np.ndim(command) else [command] * len(self.commands_max)
         self.of_period, values = self.rows.advance_one(finite("command", each, (1, len(self.commands_max))))
         return dict(zip(self.rows.names, values, strict=True))
+
+
+class KindPlant(RowPlant):
+    """The same from arguments of the environment: the fields of the kind's structure, in their order or by name."""
+
+    kind: ClassVar[type[Structure]]
+
+    def __init__(self, *given: Any, **arguments: Any) -> None:
+        names = [f.name for f in fields(self.kind)]  # type: ignore[arg-type]
+        own = {name: arguments.pop(name) for name in names if name in arguments}
+        super().__init__(self.kind(*given, **own), **arguments)
 
 
 @dataclass(frozen=True)

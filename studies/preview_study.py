@@ -35,7 +35,7 @@ from mrdamp.envs.training_loads import read_motions
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.motions import GroundMotion
-from mrdamp.parallel import How, run_all
+from mrdamp.parallel import How, Job, run_all
 from mrdamp.pictures import style
 from studies.receding import Receding
 
@@ -145,7 +145,8 @@ def with_previews(
     shape = 1, len(loads), len(result.amplitudes)
     values = dict(result.values)
     for known in seconds:
-        tasks = [Known(bench, load, amplitude, known) for load, amplitude in cases]
+        runs = [Known(bench, load, amplitude, known) for load, amplitude in cases]
+        tasks = [Job(run.key(), run.run) for run in runs]
         found = run_all(tasks, f"{known:g} s known", **how)
         values[row_name(known)] = {
             m.key: np.array([f["values"][m.key] for f in found]).reshape(shape) for m in bench.measures

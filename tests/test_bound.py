@@ -16,12 +16,10 @@ from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.beam import search as search_beam
 from mrdamp.compare.bench import UNCONTROLLED, Measure
 from mrdamp.compare.benches import with_bounds
-from mrdamp.compare.car import CarBench, weighted_car
-from mrdamp.compare.car import ToCome as CarToCome
+from mrdamp.compare.car import CarBench, car_to_come, weighted_car
 from mrdamp.compare.clairvoyant import Peaks, search
 from mrdamp.compare.comparison import ratio
-from mrdamp.compare.linear import CableBench
-from mrdamp.compare.linear import ToCome as CableToCome
+from mrdamp.compare.linear import CableBench, cable_to_come
 from mrdamp.compare.rollouts import Rollouts, sensitivity
 from mrdamp.envs.cable import Cable
 from mrdamp.envs.frame import Frame
@@ -168,7 +166,7 @@ def test_what_is_to_come_of_a_cable_is_that_of_runs_of_the_modes() -> None:
     rng = np.random.default_rng(0)
     natural = CABLE.cable.natural
     forces = rng.standard_normal((periods + 1, len(natural)))  # straight between the ends of the periods
-    to_come = CableToCome(CABLE.cable, forces, h, h, periods)
+    to_come = cable_to_come(CABLE.cable, forces, h, h, periods)
     q, v = (rng.standard_normal((3, len(natural))) * size for size in (1.0, 20.0))
     found = to_come(Rows(q, v), done)  # type: ignore[arg-type]
     push = np.concatenate([(forces[done:-1] + forces[done + 1 :]) / 2, np.zeros((4000, len(natural)))])
@@ -230,7 +228,7 @@ def test_what_is_to_come_of_a_car_is_that_of_runs_of_a_linear_one() -> None:
     pushes = rng.standard_normal(periods * inner)
     x = rng.standard_normal((3, 12)) * ([0.01] * 2 + [0.1] * 2 + [0.1] * 8)
     rows = Rows(x[:, :2], x[:, 2:4], x[:, 4:])
-    found = CarToCome(CAR.car, pushes, inner, periods, slopes, 0.25)(rows, done)  # type: ignore[arg-type]
+    found = car_to_come(CAR.car, pushes, inner, periods, slopes, 0.25)(rows, done)  # type: ignore[arg-type]
     a, b, out = weighted_car(CAR.car, 0.25 * CAR.car.critical_damping, 1e-3)
     sums = np.zeros(3)
     for push in [*pushes[done * inner :], *np.zeros(20_000)]:

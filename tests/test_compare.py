@@ -8,7 +8,7 @@ import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ from mrdamp.control.registry import parse
 from mrdamp.errors import InputError
 from mrdamp.model import Effect
 from mrdamp.motions import kanai_tajimi
-from mrdamp.parallel import run_all
+from mrdamp.parallel import Job, run_all
 from mrdamp.simulation.criteria import evaluate
 from mrdamp.structures import dyke1996
 from refusals import refuses
@@ -46,24 +46,17 @@ MOTIONS = tuple(kanai_tajimi(seed, duration=6.0, rise=1.0, plateau=2.0, decay=1.
 run = caller(add_to)
 
 
-class Square(NamedTuple):
-    done: list[int]
-    number: int
-
-    def key(self) -> str:
-        return f"k{self.number}"
-
-    def run(self) -> dict[str, Any]:
-        self.done.append(self.number)
-        return {"value": self.number**2}
-
-
 def test_a_stopped_comparison_goes_on(tmp_path: Path) -> None:
     keep, done, shares = tmp_path / "kept.jsonl", list[int](), list[float]()
 
+    def square(number: int) -> dict[str, Any]:
+        done.append(number)
+        return {"value": number**2}
+
     def squares(*numbers: int, **how: Any) -> list[int]:
         done.clear()
-        return [r["value"] for r in run_all([Square(done, k) for k in numbers], keep=keep, **how)]
+        jobs = [Job(f"k{k}", partial(square, k)) for k in numbers]
+        return [r["value"] for r in run_all(jobs, keep=keep, **how)]
 
     assert squares(1, 2, 2) == [1, 4, 4]
     assert done == [1, 2]

@@ -68,7 +68,7 @@ def test_units_follow_the_size() -> None:
 
 def test_error_bars_put_the_held_out_first() -> None:
     names, errors = ["a", "b", "a", "d"], [0.1, 0.2, 0.3, 0.4]  # two records of one name are two bars
-    fig = pictures.error_bars(names, errors, [False, True, False, True], {"mark": 0.25})
+    fig = pictures.error_bars(names, errors, [False, True, False, True])
     ax = fig.axes[0]
     assert [text.get_text() for text in ax.get_yticklabels()] == ["b", "d", "a", "a"]
     np.testing.assert_allclose(bars(ax), [0.2, 0.4, 0.1, 0.3])

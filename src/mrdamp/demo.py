@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +24,7 @@ from mrdamp.inverse import LawInverse
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.motions import TIME_SCALE, GroundMotion, embedded_motion, read_motion
+from mrdamp.parallel import Progress, silent
 from mrdamp.pictures import LoopData
 from mrdamp.records import Record, RecordSet, embedded, read_records
 from mrdamp.records.checks import check_explained
@@ -41,8 +43,6 @@ BALANCE, FORCE_PRICE = 100.0, 1e-6
 CLIP = Clip(size=(240, 380), count=40, slower=8.0, rate=16.0)
 #: 1/s; a command with more full swings than twice the frame's highest natural frequency (23 Hz) is a switching one.
 SWITCHING = 46.0
-
-Progress = Callable[[str, float], None]
 
 
 class DemoResult(NamedTuple):
@@ -74,10 +74,7 @@ def demo(
     ground = embedded_motion() if motion is None else read_motion(motion)
     out.mkdir(parents=True, exist_ok=True)
 
-    def tell(what: str, share: float) -> None:
-        if progress:
-            progress(what, share)
-
+    tell = progress or silent
     fit = _fit(out, records, law, seed, lambda what, share: tell(f"identify: {what}", 0.65 * share))
     check_explained(records.train, fit.train_nrmse)
     frame_model = replace(
@@ -146,29 +143,15 @@ def _fit(out: Path, records: RecordSet, law: str, seed: int, progress: Progress)
         for name, values in record.channels.items():
             digest.update(name.encode())
             digest.update(values.tobytes())
-    key, path = digest.hexdigest(), out / "fit.json"
-    try:
+    key, path, counts = digest.hexdigest(), out / "fit.json", ("starts", "evaluations")
+    with suppress(OSError, ValueError, KeyError, TypeError):  # none, or one of another version: fit again
         kept = json.loads(path.read_text())
-        if kept.get("key") == key:
-            errors = [tuple(RecordError(**e) for e in kept[half]) for half in ("train", "held_out")]
-            return Fit(
-                Model.from_dict(kept["fit"], str(path)),
-                errors[0],
-                errors[1],
-                kept["starts"],
-                kept["evaluations"],
-            )
-    except (OSError, ValueError, KeyError, TypeError):
-        pass  # none, or one of another version: fit again
+        if kept["key"] == key:
+            train, held = (tuple(RecordError(**e) for e in kept[half]) for half in ("train", "held_out"))
+            return Fit(Model.from_dict(kept["fit"], str(path)), train, held, *(kept[name] for name in counts))
     fit = identify(law, records.train, records.validation, extras=EXTRAS, seed=seed, progress=progress)
-    kept = {
-        "key": key,
-        "fit": fit.model.to_dict(),
-        "train": [e._asdict() for e in fit.train],
-        "held_out": [e._asdict() for e in fit.held_out],
-        "starts": fit.starts,
-        "evaluations": fit.evaluations,
-    }
+    kept = {"key": key, "fit": fit.model.to_dict()} | {name: getattr(fit, name) for name in counts}
+    kept |= {half: [e._asdict() for e in getattr(fit, half)] for half in ("train", "held_out")}
     write_atomic(path, json.dumps(kept, indent=1) + "\n")
     return fit
 
@@ -187,10 +170,10 @@ def _loop(model: Model, record: Record, note: str, unit: str) -> LoopData:
     )
 
 
-def _shown(fit: Fit, records: RecordSet, most: int = 4) -> list[Record]:
+def _shown(fit: Fit, records: RecordSet) -> list[Record]:
     """Held-out records for the pictures: the worst, the best and some between, by their error."""
     order = [e.record for e in sorted(fit.held_out, key=lambda e: -e.nrmse)]
-    picks = [order[round(k)] for k in np.linspace(0, len(order) - 1, min(most, len(order)))]
+    picks = [order[round(k)] for k in np.linspace(0, len(order) - 1, min(4, len(order)))]
     held = {record.name: record for record in records.validation}
     return [held[name] for name in dict.fromkeys(picks)]
 

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from operator import methodcaller
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypedDict, TypeVar, Unpack
+from typing import Any, NamedTuple, TypedDict, TypeVar, Unpack
 
 import joblib
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
@@ -172,35 +172,19 @@ class How(TypedDict, total=False):
     progress: Progress | None
 
 
-class Task(Protocol):
-    """What is run: pure, so that any number of processes gives the same."""
-
-    def key(self) -> str:
-        """Hash of all inputs of the result."""
-
-    def run(self) -> dict[str, Any]:
-        """The result, for JSON."""
-
-
 class Job(NamedTuple):
-    """A `Task`. of: hash of all inputs; made: gives the result."""
+    """key: hash of all inputs of the result; run: gives it, for JSON, the same in any number of processes."""
 
-    of: str
-    made: Callable[[], dict[str, Any]]
-
-    def key(self) -> str:
-        return self.of
-
-    def run(self) -> dict[str, Any]:
-        return self.made()
+    key: str
+    run: Callable[[], dict[str, Any]]
 
 
-def run_all(tasks: Sequence[Task], what: str = "runs", **how: Unpack[How]) -> list[dict[str, Any]]:
+def run_all(tasks: Sequence[Job], what: str = "runs", **how: Unpack[How]) -> list[dict[str, Any]]:
     """The result of every task, in their order; those that `keep` holds are not run again. Raises InputError."""
     jobs, progress = how.get("jobs", 1), how.get("progress") or silent
     if jobs == 0:
         raise InputError("0 jobs; allowed: 1 or more, or -1 for all cores")
-    keys = [task.key() for task in tasks]
+    keys = [task.key for task in tasks]
     each = {key: (task,) for key, task in zip(keys, tasks, strict=True)}
 
     def say(count: int, made: dict[str, Any] | None) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
 
 from mrdamp.compare.bench import UNCONTROLLED, WINDOW, PlantBench
 from mrdamp.control.passive import Replay
@@ -21,7 +22,7 @@ from mrdamp.simulation.rows import ChainRows, Stepping
 
 #: Of the rows, (n,): what the last period cost, and what is to come after a number of periods.
 Cost = Callable[[ChainRows], Array]
-ToCome = Callable[[ChainRows, int], Array]
+Estimate = Callable[[ChainRows, int], Array]
 
 
 #: Runs that are kept, one search after the other: their values show how far the search has converged.
@@ -37,12 +38,38 @@ class Found:
     costs: tuple[float, ...]
 
 
+class ToCome:
+    """Sum of squares to come, up to what depends on no state: of x+ = a x + b w, with x^T cost x at the start of each
+    step, that of now among them or not. Linear-quadratic, backwards in time.
+
+    a (n, n), b (n, k), cost (n, n); pushes (steps, k): w; inner: steps a period; states: (rows, n) x of rows.
+    """
+
+    def __init__(
+        self, a: Array, b: Array, cost: Array, pushes: Array, inner: int, states: Callable[[ChainRows], Array],
+        *, now: bool,
+    ) -> None:  # fmt: skip
+        whole = solve_discrete_lyapunov(a.T, cost)
+        self._square, self._states = whole if now else whole - cost, states
+        self._linear = np.zeros((len(pushes) // inner + 1, len(a)))
+        x, pushed = np.zeros(len(a)), whole @ b
+        for k in range(len(pushes) - 1, -1, -1):
+            x = a.T @ (x + pushed @ pushes[k])
+            if k % inner == 0:
+                self._linear[k // inner] = x
+
+    def __call__(self, plants: ChainRows, period: int) -> Array:
+        """(rows,) after a number of periods."""
+        x = self._states(plants)
+        return np.asarray(np.einsum("ni,ij,nj->n", x, self._square, x) + 2 * x @ self._linear[period])
+
+
 def search(
     make: Callable[[int], ChainRows],
     periods: int,
     levels: Array,
     cost: Cost,
-    to_come: ToCome,
+    to_come: Estimate,
     widths: Sequence[int] = WIDTHS,
 ) -> Found:
     """The best commands out of levels (levels,) that beams of each width find.
@@ -56,7 +83,7 @@ def search(
 
 
 def _one(
-    rows: ChainRows, periods: int, width: int, levels: Array, cost: Cost, to_come: ToCome
+    rows: ChainRows, periods: int, width: int, levels: Array, cost: Cost, to_come: Estimate
 ) -> tuple[Array, float]:
     """Commands (periods,) and their cost."""
     many = len(levels)

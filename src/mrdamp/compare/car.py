@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_lyapunov
+from scipy.linalg import expm
 
-from mrdamp.compare.beam import WIDTHS, judged, search, started
+from mrdamp.compare.beam import WIDTHS, ToCome, judged, search, started
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, PlantBench, PlantRun, require_periods
 from mrdamp.control.told import knowledge
 from mrdamp.envs.car import Car, car_damper, linear_run
@@ -151,7 +151,7 @@ class CarBench(PlantBench):
             return {key: math.sqrt(total[k] / periods / linear[key]) for key, k in _COLUMNS.items()}
 
         def beam(width: int, dashpot: float, slopes: Mapping[str, float]) -> Array:
-            to_come = ToCome(self.car, pushes, first.plants.inner, periods, slopes, dashpot)
+            to_come = car_to_come(self.car, pushes, first.plants.inner, periods, slopes, dashpot)
 
             def cost(plants: ChainRows) -> Array:
                 return np.asarray(sum(s * plants.criteria[:, _COLUMNS[key]] for key, s in slopes.items()))
@@ -188,37 +188,21 @@ _LEVELS = (0.0, 0.025, 0.05, 0.1, 0.2, 0.4, 1.0)
 _COLUMNS = {key: PERIOD.index(key) for key in ("comfort", "load")}
 
 
-class ToCome:
-    """Sum of weighted squares to come, up to what depends on no state: of the car with a dashpot in the damper's place
-    and a tyre that holds contact, on the road. Linear-quadratic, backwards in time.
+def car_to_come(
+    car: QuarterCar, pushes: Array, inner: int, periods: int, slopes: Mapping[str, float], dashpot: float
+) -> ToCome:
+    """Of the car with a dashpot in the damper's place and a tyre that holds contact, on the road.
 
     pushes: (steps,) of the road's acceleration, m/s2, means over the chain's steps; inner: steps a period; slopes: of
     the period's means, `comfort` and `load`; dashpot: over the critical one.
     """
+    a, b, out = weighted_car(car, dashpot * car.critical_damping, _STEP)
+    cost = sum(s / inner * np.outer(out[key], out[key]) for key, s in slopes.items())
 
-    def __init__(
-        self,
-        car: QuarterCar,
-        pushes: Array,
-        inner: int,
-        periods: int,
-        slopes: Mapping[str, float],
-        dashpot: float,
-    ) -> None:
-        a, b, out = weighted_car(car, dashpot * car.critical_damping, _STEP)
-        cost = sum(s / inner * np.outer(out[key], out[key]) for key, s in slopes.items())
-        self._square = solve_discrete_lyapunov(a.T, cost)
-        self._linear = np.zeros((periods + 1, len(a)))
-        now, pushed = np.zeros(len(a)), self._square @ b
-        for k in range(inner * periods - 1, -1, -1):
-            now = a.T @ (now + pushed * pushes[k])
-            if k % inner == 0:
-                self._linear[k // inner] = now
+    def states(plants: ChainRows) -> Array:
+        return np.concatenate([plants.coordinates(), plants.velocities(), plants.weighting()], axis=1)
 
-    def __call__(self, plants: ChainRows, period: int) -> Array:
-        """(n,) after a number of periods."""
-        x = np.concatenate([plants.coordinates(), plants.velocities(), plants.weighting()], axis=1)
-        return np.asarray(np.einsum("ni,ij,nj->n", x, self._square, x) + 2 * x @ self._linear[period])
+    return ToCome(a, b[:, None], np.asarray(cost), pushes[: inner * periods, None], inner, states, now=True)
 
 
 def weighted_car(car: QuarterCar, dashpot: float, step: float) -> tuple[Array, Array, dict[str, Array]]:

@@ -163,16 +163,12 @@ class FrameBench(Bench):
 
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         c, coil = _criteria(kept), kept["coil"]
-        ratios = vars(c.relative_to(_criteria(uncontrolled)))
+        ratios = c.relative_to(_criteria(uncontrolled))
         electric = dict.fromkeys((m.key for m in ELECTRIC), math.nan)
         if coil is not None:
             electric |= coil
             electric |= {key: getattr(c, key) for key in ("mean_command", "rms_command", "switching_rate")}
-        return {
-            **{key: ratios[key.lower()] for key in _RATIOS},
-            **electric,
-            "dissipated_energy": c.dissipated_energy,
-        }
+        return {**ratios, **electric, "dissipated_energy": c.dissipated_energy}
 
     def effort(self, kind: str) -> tuple[int, int]:
         """Every amplitude is among the loads; inverse models are slow."""

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import cont2discrete
 
-from mrdamp.compare.beam import judged, search, started
+from mrdamp.compare.beam import ToCome, judged, search, started
 from mrdamp.compare.bench import ELECTRIC, TUNED, UNCONTROLLED, WINDOW, Measure, PlantBench, PlantRun
+from mrdamp.control.lqg import plant_of
 from mrdamp.control.told import knowledge
 from mrdamp.envs.cable import Cable, cable_damper, free_run
 from mrdamp.envs.linear import LinearStructure
@@ -99,7 +99,7 @@ class CableBench(PlantBench):
         rows = partial(started, self, CableChain, _STEP, scaled)
         periods = int(rows(1).steps[0])
         forces = self.cable.forces(scaled.force, scaled.places)
-        to_come = ToCome(self.cable, forces, scaled.sample_time, self.period, periods)
+        to_come = cable_to_come(self.cable, forces, scaled.sample_time, self.period, periods)
 
         def cost(plants: ChainRows) -> Array:
             return np.asarray(np.square(plants.coordinates()).sum(axis=1))
@@ -120,39 +120,19 @@ _STEP = 5e-4
 _RATIO = 0.05
 
 
-class ToCome:
-    """Sum of the squares of the modes' coordinates at the ends of the periods to come, up to what depends on no state:
-    of modes that are damped by _RATIO, without the damper, under the load. Linear-quadratic, backwards in time.
+def cable_to_come(cable: StayCable, forces: Array, sample_time: float, period: float, periods: int) -> ToCome:
+    """Of the squares of the modes' coordinates at the ends of the periods: modes that are damped by _RATIO, without the
+    damper, under the load. forces (samples, modes), N, every sample_time, s."""
+    plant, n = plant_of(replace(cable, ratio=_RATIO).mechanics), len(cable.natural)
+    a, b = cont2discrete((plant.a, plant.e, np.eye(2 * n), np.zeros((2 * n, n))), period)[:2]
+    middle, samples = period * (np.arange(periods) + 0.5), sample_time * np.arange(len(forces))
+    push = np.stack([np.interp(middle, samples, column) for column in forces.T], axis=1)
 
-    forces (samples, modes), N, every sample_time, s.
-    """
+    def states(plants: ChainRows) -> Array:
+        return np.concatenate([plants.coordinates(), plants.velocities()], axis=1)
 
-    def __init__(
-        self, cable: StayCable, forces: Array, sample_time: float, period: float, periods: int
-    ) -> None:
-        damped = replace(cable, ratio=_RATIO)
-        many = len(damped.natural)
-        a, self._square, b = np.empty((many, 2, 2)), np.empty((many, 2, 2)), np.empty((many, 2))
-        for i, w in enumerate(damped.natural):
-            system = np.array([[0.0, 1.0], [-w * w, -2 * _RATIO * w]]), np.array([[0.0], [1.0]])
-            a[i], step = cont2discrete((*system, np.eye(2), np.zeros((2, 1))), period)[:2]
-            b[i] = step[:, 0]
-            # Without the present coordinate, which is among what was so far.
-            self._square[i] = solve_discrete_lyapunov(a[i].T, a[i].T @ np.diag([1.0, 0.0]) @ a[i])
-        middle = period * (np.arange(periods) + 0.5)
-        samples = sample_time * np.arange(len(forces))
-        push = np.stack([np.interp(middle, samples, column) for column in forces.T], axis=1)
-        now = self._square + np.diag([1.0, 0.0])
-        self._linear = np.zeros((periods + 1, many, 2))
-        for k in range(periods - 1, -1, -1):
-            after = self._linear[k + 1] + np.einsum("nij,nj->ni", now, b * push[k][:, None])
-            self._linear[k] = np.einsum("nij,ni->nj", a, after)
-
-    def __call__(self, plants: ChainRows, period: int) -> Array:
-        """(n,) after a number of periods."""
-        x = np.stack([plants.coordinates(), plants.velocities()], axis=-1)
-        square = np.einsum("mni,nij,mnj->m", x, self._square, x)
-        return np.asarray(square + 2 * np.einsum("mni,ni->m", x, self._linear[period]))
+    # Without the present coordinate, which is among what was so far.
+    return ToCome(a, b, np.diag([1.0] * n + [0.0] * n), push, 1, states, now=False)
 
 
 _SEED, _MANY = 9_000_401, 6  # of the loads of the evaluation, for judging alone

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mrdamp.errors import InputError
@@ -170,17 +169,12 @@ def channels(record: Record) -> Figure:
 
 
 @style.styled
-def error_bars(
-    names: Sequence[str],
-    errors: Sequence[float],
-    held_out: Sequence[bool],
-    marks: Mapping[str, float] | None = None,
-) -> Figure:
+def error_bars(names: Sequence[str], errors: Sequence[float], held_out: Sequence[bool]) -> Figure:
     """Free-run error by record, the held-out ones first and in colour.
 
     errors: RMS error over the standard deviation of the measured force, one per name. held_out: of each,
-    whether nothing was fitted to it. marks: name -> error of other work, drawn as lines. A few
-    bars that are much longer than the rest are cut, which an arrow shows; the values are next to the bars.
+    whether nothing was fitted to it. A few bars that are much longer than the rest are cut, which an arrow shows; the
+    values are next to the bars.
     """
     style.require_some("error_bars", names, "record")
     if not len(names) == len(errors) == len(held_out):
@@ -189,10 +183,8 @@ def error_bars(
     values = style.finite("errors", errors, (len(names),))
     order = sorted(range(len(names)), key=lambda k: not held_out[k])
     split = sum(map(bool, held_out))
-    marks = marks or {}
-    longest = max([0.01, *values, *marks.values()])
     usual = float(np.quantile(values, 0.9, method="lower"))
-    limit = min(longest, max([0.01, 2.5 * usual, *marks.values()]))
+    limit = max(0.01, min(float(values.max()), 2.5 * usual))
     place = np.arange(len(names)) + np.where(np.arange(len(names)) >= split, 0.6 * (split > 0), 0.0)
     fig = style.figure(0.95 + 0.215 * (float(place[-1]) + 1))
     ax = fig.subplots()
@@ -212,18 +204,9 @@ def error_bars(
     ax.set_xlim(0, 1.04 * limit)
     ax.set_xlabel("RMS error / standard deviation of force", loc="right")
     style.ticks(ax, 5)
-    handles: list[Patch | Line2D] = []
-    if split:
-        handles.append(Patch(color=style.COLOURS[0], label="held out"))
-    if split < len(names):
-        handles.append(Patch(color=style.REFERENCE, label="fitted to"))
-    for k, (name, mark) in enumerate(marks.items()):
-        line = ax.axvline(
-            mark, color=style.INK, linewidth=1.1, linestyle=style.DASHES[(k + 1) % len(style.DASHES)]
-        )
-        line.set_label(f"{name} {mark:.3g}")
-        handles.append(line)
-    style.legend(fig, handles, [str(handle.get_label()) for handle in handles])
+    colours = {"held out": style.COLOURS[0]} if split else {}
+    colours |= {"fitted to": style.REFERENCE} if split < len(names) else {}
+    style.legend(fig, [Patch(color=colour) for colour in colours.values()], list(colours))
     return fig
 
 

@@ -67,8 +67,8 @@ def controllers(criteria: Mapping[str, Criteria], command_unit: str = "A") -> Fi
     forces = np.array([criteria[name].peak_force for name in names])
     scale, unit = style.force_unit(forces)
     panels = (
-        ("peak drift", "over uncontrolled", [ratios[n].j1 for n in names]),
-        ("peak acceleration", "over uncontrolled", [ratios[n].j2 for n in names]),
+        ("peak drift", "over uncontrolled", [ratios[n]["J1"] for n in names]),
+        ("peak acceleration", "over uncontrolled", [ratios[n]["J2"] for n in names]),
         ("peak damper force", unit, [scale * f for f in forces]),
         ("mean command", command_unit, [criteria[n].mean_command for n in names]),
     )

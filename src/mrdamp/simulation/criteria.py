@@ -43,8 +43,10 @@ class Criteria:
     switching_rate: float  # 1/s, full swings of the command a second
     weight: float  # N, of the structure
 
-    def relative_to(self, uncontrolled: Criteria) -> Ratios:
-        """The benchmark's ratios over a run of the same frame and ground motion without the damper.
+    def relative_to(self, uncontrolled: Criteria) -> dict[str, float]:
+        """The benchmark's ratios over a run of the same frame and ground motion without the damper, the largest over
+        storeys or floors: J1 peak drift, J2 peak absolute acceleration, J3 peak base shear, J4 to J6 their norms, J11
+        peak force of the damper over the weight of the structure, J12 peak stroke.
 
         Raises InputError where the uncontrolled frame did not move.
         """
@@ -58,30 +60,16 @@ class Criteria:
                 raise InputError(
                     f"criteria: peak {what} of the uncontrolled run is {value:g}; it must be > 0"
                 )
-        return Ratios(
-            j1=float(self.peak_drift.max() / u.peak_drift.max()),
-            j2=float(self.peak_acceleration.max() / u.peak_acceleration.max()),
-            j3=self.peak_base_shear / u.peak_base_shear,
-            j4=float(self.rms_drift.max() / u.rms_drift.max()),
-            j5=float(self.rms_acceleration.max() / u.rms_acceleration.max()),
-            j6=self.rms_base_shear / u.rms_base_shear,
-            j11=self.peak_force / self.weight,
-            j12=self.peak_stroke / u.peak_stroke,
-        )
-
-
-@dataclass(frozen=True)
-class Ratios:
-    """Controlled over uncontrolled, the largest over storeys or floors; below 1 is better."""
-
-    j1: float  # peak drift
-    j2: float  # peak absolute acceleration
-    j3: float  # peak base shear
-    j4: float  # norm of the drift
-    j5: float  # norm of the absolute acceleration
-    j6: float  # norm of the base shear
-    j11: float  # peak force of the damper over the weight of the structure
-    j12: float  # peak stroke
+        return {
+            "J1": float(self.peak_drift.max() / u.peak_drift.max()),
+            "J2": float(self.peak_acceleration.max() / u.peak_acceleration.max()),
+            "J3": self.peak_base_shear / u.peak_base_shear,
+            "J4": float(self.rms_drift.max() / u.rms_drift.max()),
+            "J5": float(self.rms_acceleration.max() / u.rms_acceleration.max()),
+            "J6": self.rms_base_shear / u.rms_base_shear,
+            "J11": self.peak_force / self.weight,
+            "J12": self.peak_stroke / u.peak_stroke,
+        }
 
 
 def evaluate(

@@ -61,11 +61,6 @@ class Road:
         """From the first to the last height, s."""
         return (len(self.height) - 1) * self.spacing / self.speed
 
-    @property
-    def roughness(self) -> float:
-        """RMS slope, m/m."""
-        return float(np.sqrt(np.mean(np.diff(self.height) ** 2))) / self.spacing
-
     def at(self, time: ArrayLike) -> Array:
         """(...) m under the wheel at times (...) s; the last height continues after the end."""
         place = self.speed * np.asarray(time, dtype=np.float64) / self.spacing

@@ -73,16 +73,13 @@ def require_finite(found: tuple[Array, Array]) -> tuple[Array, Array]:
 @dataclass(frozen=True)
 class Stepping:
     """How n rows are stepped. period: of control, s; timestep: the largest within it, s; command_max: (m,) A or V;
-    threads: that share the rows. lanes: rows that a core steps at once, at most: 1, 2, 4, 8; 0: what its vector units
-    take.
-    """
+    threads: that share the rows."""
 
     period: float
     timestep: float
     command_max: Array
     n: int = 1
     threads: int = 1
-    lanes: int = 0
 
     def __post_init__(self) -> None:
         require_positive("steps (s)", period=self.period, timestep=self.timestep)
@@ -90,8 +87,6 @@ class Stepping:
             raise InputError(f"timestep is {self.timestep:g}; allowed: {_LEAST_STEP:g} s or more")
         require_kind("a whole number", int, threads=self.threads)
         require_positive("rows", threads=self.threads)
-        if self.lanes not in (0, 1, 2, 4, 8):
-            raise InputError(f"lanes is {self.lanes}; allowed: 0, 1, 2, 4, 8")
 
     @property
     def inner(self) -> int:
@@ -139,7 +134,7 @@ class ChainRows:
         if not self._handle:
             raise InputError(error.value.decode())
         self.n, self.inner, self.period = n, stepping.inner, period
-        self.threads, self.lanes = stepping.threads, stepping.lanes
+        self.threads = stepping.threads
         self._loads, self._coordinates, self._dampers = loads, coordinates, len(models)
         self.state = np.zeros((n, self._lib.mrdamp_rows_size(self._handle)))
         self.criteria = np.zeros((n, self._lib.mrdamp_rows_criteria(self._handle)))
@@ -250,7 +245,7 @@ class ChainRows:
         given = np.ascontiguousarray(finite("command", commands, (self.n, self._dampers)))
         state, load, criteria, measured = self._rows
         self._lib.mrdamp_rows_step(
-            self._handle, self.n, state, load, given.ctypes.data, criteria, measured, self.threads, self.lanes
+            self._handle, self.n, state, load, given.ctypes.data, criteria, measured, self.threads, 0
         )
         self.step += self.inner
         return self.criteria, self.measured

@@ -21,10 +21,9 @@ from typing import Literal
 
 import numpy as np
 from scipy.linalg import block_diag, eigh
-from scipy.optimize import brentq
 
 from mrdamp.errors import InputError, require_one_of, require_positive
-from mrdamp.structures import GRAVITY, FloatArray
+from mrdamp.structures import FloatArray
 from mrdamp.structures.lumped import Mechanics
 
 Load = Literal["uniform", "mode1"]
@@ -143,11 +142,6 @@ class StayCable:
         """Circular frequency of the taut string's first mode, rad/s."""
         return math.pi / self.length * math.sqrt(self.tension / self.mass)
 
-    @property
-    def sag_depth(self) -> float:
-        """At mid-span under its own weight, m; flat: m g L^2 / (8 T)."""
-        return self.mass * GRAVITY * self.length**2 / (8 * self.tension)
-
     @cached_property
     def areas(self) -> FloatArray:
         """(N+1,) m, int psi_j dx."""
@@ -210,24 +204,3 @@ class StayCable:
     def forces(self, force: FloatArray, places: FloatArray) -> FloatArray:
         """(samples, N+1) N on the natural coordinates from a load (samples, p), N/m, at places x / L (p,)."""
         return np.asarray(force @ self.load_matrix(places))
-
-    def irvine(self, count: int) -> FloatArray:
-        """(count,) rad/s, natural frequencies of the flat-sag cable by Irvine's equations, ascending.
-
-        tan(w / 2) = w / 2 - (4 / lambda^2) (w / 2)^3 with w in units of sqrt(T / m) / L for the symmetric modes; the
-        antisymmetric ones are those of the string.
-        """
-        unit = math.sqrt(self.tension / self.mass) / self.length
-        found = [2 * math.pi * k for k in range(1, count + 1)]  # antisymmetric
-        for k in range(count):
-            if self.sag == 0:
-                found.append((2 * k + 1) * math.pi)
-                continue
-            # One root between neighbouring poles of the tangent, at odd multiples of pi / 2.
-            low, high = (k + 0.5) * math.pi, (k + 1.5) * math.pi
-
-            def miss(half: float) -> float:
-                return (half - 4 / self.sag * half**3) * math.cos(half) - math.sin(half)
-
-            found.append(2 * float(brentq(miss, low + 1e-12, high - 1e-12)))
-        return np.sort(np.array(found))[:count] * unit

@@ -118,22 +118,11 @@ class ShearFrame:
     @property
     def frequencies(self) -> FloatArray:
         """(N,) Hz, undamped and without the damper, ascending."""
-        return np.asarray(np.sqrt(_modes(self)[0]) / (2 * np.pi))
-
-    @property
-    def damping_ratios(self) -> FloatArray:
-        """(N,) of the modes above: the diagonal of the modal damping matrix over 2 w."""
-        squared, shapes = _modes(self)
-        modal = np.einsum("ij,ik,kj->j", shapes, self.damping_matrix, shapes)
-        return np.asarray(modal / (2 * np.sqrt(squared)))
+        return np.asarray(np.sqrt(eigh(self.stiffness_matrix, self.mass_matrix)[0]) / (2 * np.pi))
 
     def displacement(self, drift: ArrayLike) -> FloatArray:
         """(..., N) floor displacements to the ground from (..., N) storey drifts, m."""
         return np.asarray(np.cumsum(np.asarray(drift, dtype=np.float64), axis=-1))
-
-    def drift(self, displacement: ArrayLike) -> FloatArray:
-        """(..., N) storey drifts from (..., N) floor displacements to the ground, m."""
-        return np.asarray(np.diff(np.asarray(displacement, dtype=np.float64), axis=-1, prepend=0.0))
 
     def stroke(self, displacement: ArrayLike) -> FloatArray:
         """(...) piston displacement, extension positive, from (..., N) floor displacements, m; (..., m) of several."""
@@ -183,12 +172,6 @@ def dyke1996(damper_between: tuple[int, int] = (0, 1)) -> ShearFrame:
         damping=np.array([125.0, 50.0, 50.0]),
         damper_between=damper_between,
     )
-
-
-def _modes(frame: ShearFrame) -> tuple[FloatArray, FloatArray]:
-    """Squared circular frequencies (N,) and mass-normalised shapes (N, N), one a column."""
-    squared, shapes = eigh(frame.stiffness_matrix, frame.mass_matrix)
-    return np.asarray(squared, dtype=np.float64), np.asarray(shapes, dtype=np.float64)
 
 
 def _chain(values: FloatArray) -> FloatArray:
