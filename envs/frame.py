@@ -279,7 +279,6 @@ class FrameTask(KindTask):
 
 
 def positions(damper_between: Position | Sequence[Position]) -> tuple[Position, ...]:
-    """One pair of floors or several, as several."""
     pairs = np.asarray(damper_between)
     if pairs.ndim not in (1, 2) or pairs.shape[-1] != 2 or pairs.dtype.kind not in "iu":
         raise InputError(f"damper_between is {damper_between!r}; allowed: a pair of floors, or several pairs")

@@ -118,7 +118,6 @@ def _add_damper(root: ET.Element, other: ET.Element, k: int) -> None:
 
 
 def strip(root: ET.Element) -> None:
-    """Removes purely visual elements."""
     for tag in ("asset", "visual", "statistic"):
         drop(root, tag)
     for body in root.iter("body"):

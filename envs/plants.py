@@ -192,7 +192,6 @@ class EngineRows(ABC):
         self._build()
 
     def _build(self) -> None:
-        """Makes the plants and locates their measurements."""
         s, inner, many = self.stepping, self.stepping.inner, len(self.structure.models)
         xml, loads = self.structure.mjcf(self.period / inner), self.structure.load_names
         dampers = [actuator_name(k) for k in range(many)]

@@ -103,7 +103,6 @@ def varied(part: Any, drawn: Mapping[str, float]) -> Any:
 
 
 def _factors(part: Any) -> tuple[str, ...]:
-    """Names of what is drawn as a factor."""
     if isinstance(part, tuple):
         return tuple(name for each in part for name in _factors(each))
     if isinstance(part, Model):

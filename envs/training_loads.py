@@ -70,7 +70,6 @@ class Pulses:
 
 
 def _kinds(duration: float, plateau: float, pga: tuple[float, float]) -> list[Pulses]:
-    """Motions on each of the grounds."""
     return [
         Pulses(
             SyntheticMotions(

@@ -21,7 +21,6 @@ _OFF, _ON = np.array([0.16, 0.35, 0.62, 1.0]), np.array([0.96, 0.49, 0.10, 1.0])
 
 
 def has_display() -> bool:
-    """True if a window can be opened."""
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 

@@ -227,7 +227,6 @@ class GradientRun(Run):
 
 
 def _layers(venv: Any) -> list[Any]:
-    """A vector environment and those that it wraps."""
     return [venv, *_layers(venv.venv)] if isinstance(venv, VecEnvWrapper) else [venv]
 
 

@@ -234,7 +234,6 @@ def tell(folders: Sequence[Path], progress: Progress | None) -> None:
 
 @style.styled
 def curve(result: Result) -> Figure:
-    """Of one training."""
     return curves([result])
 
 

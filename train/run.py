@@ -124,7 +124,6 @@ class Run(ABC):
             require_policy(self.out)
 
     def _like(self, model: Path) -> World:
-        """The world with another model, seen by the same observer."""
         other = world(self.options.environment, self.chosen.env_kwargs, model, self.chosen.score)
         return other.observing(self.world.task(1).observer)
 
@@ -134,7 +133,6 @@ class Run(ABC):
 
     @property
     def inputs(self) -> int:
-        """Of the network."""
         return len(self.matrix)
 
     @property
@@ -198,7 +196,6 @@ class Run(ABC):
         return self._before + time.process_time() - self._start
 
     def tell(self, progress: Progress) -> None:
-        """Says how far it is."""
         done, whole = (1e-6 * n for n in (self.timesteps, self.chosen.n_timesteps))
         text = f"train: seed {self.options.seed}, {done:.3g} of {whole:.3g} million periods"
         progress(text, min(1.0, self.timesteps / self.chosen.n_timesteps))
@@ -237,7 +234,6 @@ class Run(ABC):
         self._board.flush()
 
     def policy(self) -> Policy:
-        """What has been learned so far, for export."""
         o = self.options
         about = {
             "options": o.to_dict(),
@@ -297,7 +293,6 @@ class StepRun(Run):
             self.evaluate()
 
     def numbers(self, step: int) -> np.random.Generator:
-        """Random numbers of a step."""
         key = (*self.draws.spawn_key, step)
         return np.random.default_rng(np.random.SeedSequence(self.draws.entropy, spawn_key=key))
 

@@ -96,7 +96,6 @@ class Cma:
         np.savez(file, state=state, **{name: getattr(self, name) for name in self._KEPT})
 
     def load(self, path: Path) -> None:
-        """Back to what was saved."""
         import ast
 
         with np.load(io.BytesIO(path.read_bytes())) as kept:  # of a damaged file NumPy would leave it open

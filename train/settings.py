@@ -51,7 +51,6 @@ class Options:
             _require_whole("", 1, timesteps=self.timesteps)
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         own = {k: str(v) if isinstance(v, Path) else v for k, v in vars(self).items() if k != "others"}
         return own | ({"others": [str(f) for f in self.others]} if self.others else {})
 

@@ -70,7 +70,6 @@ class World:
         return np.stack([period[:, t.column] ** (0.5 if t.how == "rms" else 1.0) for t in used], axis=1)
 
     def observing(self, observer: Observer) -> Self:
-        """The same with another observer."""
         return replace(self, arguments={**self.arguments, "observer": observer})
 
     def drawn(self, rng: np.random.Generator, loads: int) -> tuple[Self, ...]:
@@ -108,7 +107,6 @@ class World:
 
     @property
     def structure(self) -> Structure:
-        """As of the arguments."""
         return divided(self.kind, self.arguments)[0]
 
     def levels(self, task: Task, viscous: bool = False) -> ForceLevels:
@@ -234,7 +232,6 @@ class Ground:
 
     @classmethod
     def of(cls, given: Any) -> Ground:
-        """From settings. Raises InputError."""
         names = list(cls.__dataclass_fields__)
         fits = isinstance(given, Mapping) and set(given) == set(names)
         if not fits or not all(isinstance(v, int | float) for v in given.values()):

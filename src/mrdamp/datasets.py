@@ -133,7 +133,6 @@ CATALOGUE: Mapping[str, Dataset] = MappingProxyType({
 
 
 def dataset(name: str) -> Dataset:
-    """The set of that name. Raises InputError."""
     if name not in CATALOGUE:
         raise InputError(f"data set '{name}' is unknown; there are {', '.join(CATALOGUE)}")
     return CATALOGUE[name]

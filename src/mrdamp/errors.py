@@ -44,7 +44,6 @@ class EngineError(MrdampError, ImportError):
 
 
 def first_line(error: BaseException) -> str:
-    """Of its message."""
     return (str(error).splitlines() or [""])[0]
 
 

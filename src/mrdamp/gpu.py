@@ -107,7 +107,6 @@ def _cache(root: Path, options: str) -> Path:
 
 
 def require_cuda() -> None:
-    """Raises InputError without the extra."""
     if driver is None:
         raise InputError("dampers on a GPU need the extra `cuda`: pip install 'mrdamp[cuda]'")
 
@@ -167,8 +166,6 @@ class Kernels:
 
 
 class Current:
-    """The device's context as the current one."""
-
     def __init__(self, device: Any) -> None:
         self.context = driver.CUcontext(int(device.context))
 

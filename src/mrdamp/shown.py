@@ -26,7 +26,6 @@ class Shown:
     picture: ClassVar[str]
 
     def plot(self) -> Figure:
-        """The picture, as a Matplotlib figure."""
         module, _, name = self.picture.partition(":")
         figure: Figure = getattr(import_module(module), name)(self)
         return figure

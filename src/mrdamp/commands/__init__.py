@@ -26,7 +26,6 @@ HOLD = {"yes": True, "no": False}
 
 
 def seed(text: str) -> int:
-    """Argparse type of a seed."""
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{value}; allowed: 0 or more")
@@ -47,7 +46,6 @@ def add_command(commands: Any, name: str, run: Run, text: str, example: str) -> 
 
 
 def described(p: argparse.ArgumentParser, run: Run, text: str, example: str) -> argparse.ArgumentParser:
-    """The parser of a command, which runs it."""
     def checked(a: argparse.Namespace) -> int:
         check_outputs(a)
         return run(a)
@@ -152,7 +150,6 @@ def silent_output() -> Iterator[None]:
 
 
 def show_progress(what: str, share: float) -> None:
-    """A line on stderr."""
     print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)
 
 
@@ -212,7 +209,6 @@ def refuse_unused(a: argparse.Namespace, when: str, **usual: Any) -> None:
 
 
 def add_json(p: argparse.ArgumentParser) -> None:
-    """Adds `--json`."""
     p.add_argument("--json", action="store_true", help="print JSON; text goes to stderr")
 
 
@@ -224,7 +220,6 @@ def add_jobs(p: argparse.ArgumentParser, *aliases: str, default: int | None = 1)
 
 
 def add_signals(p: argparse.ArgumentParser) -> None:
-    """Adds what is done to the measured signals before a fit."""
     p.add_argument(
         "--cutoff", type=float, help="Hz, zero-phase low-pass of the measured displacement (default: none)"
     )

@@ -24,7 +24,6 @@ _ALIKE = 1.1
 
 
 def add_to(commands: Any) -> None:
-    """Adds `calibrate`."""
     p = add_command(
         commands,
         "calibrate",
@@ -102,7 +101,6 @@ def run_calibrate(a: argparse.Namespace) -> dict[str, Any]:
 
 
 def _sensor(found: Calibration) -> None:
-    """Prints the calibration's tests and the sensor's response."""
     import numpy as np
 
     from mrdamp.identify.calibration import PAPER_DELTA_1, PAPER_SENSITIVITY

@@ -50,7 +50,6 @@ _WHOLE = "a learner takes whole generations or rollouts"
 
 
 def add_to(commands: Any) -> None:
-    """Adds them to the subparsers of an argparse parser."""
     _add_compare(commands)
     _add_train(commands)
 
@@ -124,7 +123,6 @@ def _add_compare(commands: Any) -> None:
 
 
 def run_compare(a: argparse.Namespace) -> int:
-    """Runs `compare`."""
     if a.preset:
         shown = dict.fromkeys(_SHOWN) | _USUAL | {"tune": False}
         if a.preset == "dyke1996":
@@ -141,7 +139,6 @@ def run_compare(a: argparse.Namespace) -> int:
 
 
 def _compare(a: argparse.Namespace) -> str:
-    """What is printed of a comparison."""
     from mrdamp.compare import tables
     from mrdamp.compare.benches import bench_of, compared
     from mrdamp.compare.frame import FrameBench
@@ -328,7 +325,6 @@ def _add_train(commands: Any) -> None:
 
 
 def run_train(a: argparse.Namespace) -> int:
-    """Trains, and prints the validation figures of every seed."""
     from mrdamp.train.learn import compared, sweep
     from mrdamp.train.settings import Options, settings
 

@@ -43,7 +43,6 @@ _UNITS = "A", "V"
 
 
 def add_to(commands: Any) -> None:
-    """Adds them."""
     about = "fit a law, or a network, to records; evaluated in free run on held-out records"
     example = "mrdamp identify records/ --law bouc_wen --intervals -o model.json"
     p = add_command(commands, "identify", reporting(run_identify), about, example)
@@ -143,7 +142,6 @@ def run_identify(a: argparse.Namespace) -> dict[str, Any]:
 
 
 def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
-    """What `--json` prints."""
     from mrdamp.diagnosis.form import form_with, sorted_extras
     from mrdamp.identify import compare_dependences, error, identify, pooled
     from mrdamp.identify.comparison import overview_of
@@ -251,7 +249,6 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
 
 
 def _write(a: argparse.Namespace, fit: Fit, records: RecordSet, draw: Callable[[], Figure]) -> None:
-    """The model file, and the picture if one is asked for."""
     from mrdamp.identify.provenance import write_identified
 
     with together():

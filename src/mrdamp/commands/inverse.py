@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 
 def add_to(commands: Any) -> None:
-    """Adds inverse to the subparsers of an argparse parser."""
     p = add_command(
         commands,
         "inverse",

@@ -15,7 +15,6 @@ _COUNTS = "4000:2000:1500"
 
 
 def add_narx_options(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `--law narx`."""
     p = parser.add_argument_group("network", "with --law narx")
     p.add_argument("--page", type=OutFile, help="page to write, HTML: errors, training and pictures")
     p.add_argument("--inputs", help="channels x, v, i, F (default: vF, and viF where the command varies)")
@@ -92,7 +91,6 @@ def protocol_records(a: argparse.Namespace, records: RecordSet) -> RecordSet:
 
 
 def check_protocol(a: argparse.Namespace) -> None:
-    """Raises InputError for an option of another protocol."""
     if a.protocol != "constant":
         refuse_unused(a, "is for --protocol constant", command=None)
     if a.protocol != "varying":

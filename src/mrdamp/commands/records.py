@@ -108,7 +108,6 @@ def _summary(one: Converted) -> str:
 
 
 def run_datasets(a: argparse.Namespace) -> int:
-    """Lists, describes or fetches."""
     from mrdamp.datasets import CATALOGUE, data_folder, dataset, fetch, found
 
     if a.fetch:

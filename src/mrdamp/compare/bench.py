@@ -254,11 +254,9 @@ class Bench(ABC):
         return {name: known.get(f"{kind}.{name}") or known[name] for name in self.site.options[kind]}
 
     def tuning_loads(self) -> Sequence[Any]:
-        """Loads that controllers are tuned on."""
         return self.structure.validation()
 
     def key(self, spec: str, load: Any, amplitude: float) -> str:
-        """Hash of all inputs of a run."""
         return hashlib.sha256(
             self._content + f"{spec} {amplitude!r}".encode() + content(load) + told.files_of(spec)
         ).hexdigest()[:32]
@@ -318,7 +316,6 @@ class PlantRun:
         return self.period * len(self.command)
 
     def electric(self, unit: str, command_max: float) -> dict[str, Any]:
-        """`ELECTRIC` by key."""
         way = float(np.abs(np.diff(self.command)).sum())
         return {
             "mean_command": float(np.abs(self.command).mean()),

@@ -191,7 +191,6 @@ def shown(rows: Sequence[TableRow]) -> tables.Table:
 
 
 def to_dict(rows: Sequence[TableRow]) -> list[dict[str, Any]]:
-    """For JSON."""
     return [
         {"damper_at": row.case[0], "load": row.case[1], **vars(row.found), "deviation_percent": row.deviation}
         for row in rows

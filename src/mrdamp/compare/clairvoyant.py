@@ -96,7 +96,6 @@ class Path:
     _small: int = field(default=0, repr=False)
 
     def begin(self, block_commands: Array, trust: float) -> None:
-        """A search in other blocks."""
         self.block_commands, self.trust, self._small, self.ended = block_commands, trust, 0, ""
 
     def take(

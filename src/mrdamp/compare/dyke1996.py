@@ -57,7 +57,6 @@ class TableRow:
 
 
 def frame_model() -> Model:
-    """The damper of the paper in its frame."""
     return replace(sets.load("dyke1996_3kN").model(), rig="frame", structure=dyke1996())
 
 
@@ -121,7 +120,6 @@ def markdown(rows: Sequence[TableRow], motion: GroundMotion) -> str:
 
 
 def to_dict(rows: Sequence[TableRow], motion: GroundMotion) -> dict[str, Any]:
-    """For JSON."""
     return {
         "motion": motion.name,
         "columns": [f"{name} {unit}" for name, unit in zip(COLUMNS, UNITS, strict=True)],
@@ -138,7 +136,6 @@ def to_dict(rows: Sequence[TableRow], motion: GroundMotion) -> dict[str, Any]:
 
 
 def page(rows: Sequence[TableRow], motion: GroundMotion) -> Page:
-    """The table with its pictures."""
     worst = max(row.mean_deviation for row in rows)
     page = Page(
         "Dyke et al. 1996",

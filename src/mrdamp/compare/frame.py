@@ -91,12 +91,10 @@ class FrameBench(Bench):
 
     @property
     def places(self) -> tuple[tuple[int, int], ...]:
-        """The floors of every damper."""
         return self.site.frame.places
 
     @property
     def measured(self) -> list[str]:
-        """What `run_frame` measures."""
         floors, names = range(1, self.site.frame.storeys + 1), ("acceleration", "displacement")
         own = [sensor_name(name, k) for k in range(self.site.dampers) for name in OWN]
         return [*(f"{what}_{j}" for what in names for j in floors), *own]
@@ -122,7 +120,6 @@ class FrameBench(Bench):
         return Frame(single, damper_between=self.model.structure.places)
 
     def played(self, load: GroundMotion, amplitude: float) -> GroundMotion:
-        """The motion as the frame feels it."""
         return load.scaled(amplitude).compressed(self.compression)
 
     def driven(
@@ -140,7 +137,6 @@ class FrameBench(Bench):
         return run_frame(self.model, played, finer, timestep=self.timestep, ideal_force=ideal, each_step=True)
 
     def criteria(self, spec: str, run: FrameRun) -> Criteria:
-        """Of a run."""
         frame, largest = self.model.built, self.site.command_max
         if spec == UNCONTROLLED:
             return evaluate(frame, run.time, run.drift, run.acceleration, command_max=largest)
@@ -150,7 +146,6 @@ class FrameBench(Bench):
         return self.kept(spec, self.history(spec, load, amplitude))
 
     def kept(self, spec: str, r: FrameRun) -> dict[str, Any]:
-        """What is kept of a run."""
         c = self.criteria(spec, r)
         kept = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(c).items()}
         if spec == UNCONTROLLED or spec.partition(":")[0] == registry.IDEAL:

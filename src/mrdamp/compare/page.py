@@ -140,12 +140,10 @@ def _add_bounds(page: Page, result: Comparison) -> None:
 
 
 def means_picture(result: Comparison) -> Figure:
-    """The means of the ratios by controller."""
     return ranking({_words(m.key, m.title): _bars(result, m.key) for m in result.measures if m.ratio})
 
 
 def shares_picture(result: Comparison) -> Figure:
-    """Of a comparison with bounds."""
     shown = [c for c in result.contenders if not c.bound]
     return share_ranking({
         bound: [_bar(c, result.share(c.name, bound), result.load_shares(c.name, bound)) for c in shown]

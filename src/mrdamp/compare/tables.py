@@ -16,7 +16,6 @@ Row = tuple[str, ...]
 
 
 def short(value: float) -> str:
-    """Three digits, a dash where there is no value."""
     if math.isnan(value):
         return "–"
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}"
@@ -156,7 +155,6 @@ def markdown(heads: Sequence[str], rows: Sequence[Row]) -> str:
 
 
 def report(result: Comparison, bench: Bench, about: str) -> str:
-    """The Markdown page of a comparison."""
     keys = {key: key for key in bench.claimed}
     table = means(result, bench)
     parts = [f"# Controllers compared\n\n{about}\n", table.markdown()]

@@ -34,7 +34,6 @@ _SEED = 47
 
 
 def _ran(bench: Bench, spec: str, load: Load, amplitude: float) -> dict[str, Any]:
-    """What is kept of a run."""
     try:
         return bench.run(spec, load, amplitude)
     except Diverged as error:
@@ -228,7 +227,6 @@ def read_settings(path: Path, bench: Bench) -> dict[str, Setting] | None:
 
 
 def to_dict(settings: Mapping[str, Setting], bench: Bench) -> dict[str, Any]:
-    """For JSON."""
     return {
         "identity": bench.identity(),
         "loads": len(bench.tuning_loads()),

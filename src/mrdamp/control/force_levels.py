@@ -122,13 +122,11 @@ class ForceLevels:
         return replace(found, damping=tuple(rise), speed=stroke * w) if viscous else found
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         own = {"commands": list(self.commands), "forces": list(self.forces), "release": self.release}
         return own | ({"damping": list(self.damping), "speed": self.speed} if self.damping else {})
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ForceLevels:
-        """From `to_dict`. Raises InputError."""
         try:
             release, speed = bool(data.get("release", False)), float(data.get("speed", 0.0))
             return cls(data["commands"], data["forces"], release, data.get("damping", ()), speed)
@@ -166,12 +164,10 @@ class LeastCommand:
         return np.asarray(self.level * up * down)
 
     def to_dict(self) -> dict[str, float]:
-        """For JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> LeastCommand:
-        """From `to_dict`. Raises InputError."""
         try:
             rest = (float(data.get(name, 0.0)) for name in ("full", "rise"))
             return cls(float(data["level"]), float(data["fade"]), *rest)

@@ -86,7 +86,6 @@ def linear(structure: ShearFrame | Linear) -> Linear:
 
 
 def plant(frame: ShearFrame) -> Plant:
-    """First-order form of the frame's equation of motion."""
     inverse = np.diag(1 / frame.mass)
     rate = np.hstack([-inverse @ frame.stiffness_matrix, -inverse @ frame.damping_matrix])
     return first_order(rate, inverse @ frame.gamma, -np.ones(frame.storeys))

@@ -46,7 +46,6 @@ class LinearFilter:
 
     @cached_property
     def matrices(self) -> tuple[Array, Array, Array]:
-        """step, before, now."""
         try:
             return np.array(self.step), np.array(self.before), np.array(self.now)
         except ValueError:
@@ -67,7 +66,6 @@ class LinearFilter:
         return np.ascontiguousarray(np.hstack(self.matrices))
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {name: [list(row) for row in getattr(self, name)] for name in ("step", "before", "now")}
 
 
@@ -215,7 +213,6 @@ class Observer:
         return np.array(self.scales), np.array(self.command_max), keep, fall, columns
 
     def reset(self) -> None:
-        """Forget the past."""
         self._past.clear()
 
     def __call__(self, y: Mapping[str, float], last_command: ArrayLike) -> Observation:
@@ -234,7 +231,6 @@ class Observer:
         return np.concatenate(self._past, axis=-1).astype(np.float32)
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         own = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         plain = {name: list(value) if isinstance(value, tuple) else value for name, value in own.items()}
         return plain | {"peaks": dict(self.peaks), "filter": self.filter.to_dict() if self.filter else None}

@@ -232,7 +232,6 @@ class Policy:
         write_atomic(Path(path), _ROW.sub(lambda row: f"[{' '.join(row[1].split())}]", text) + "\n")
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {
             "format": FORMAT,
             "name": self.name,
@@ -367,12 +366,10 @@ class Memory:
         return _sigmoid(o) * np.tanh(cell), cell
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {"given": rows(self.given), "kept": rows(self.kept), "bias": rows(self.bias[None])[0]}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Memory:
-        """From `to_dict`. Raises InputError, KeyError."""
         return cls(matrix(data["given"]), matrix(data["kept"]), matrix([data["bias"]])[0])
 
 

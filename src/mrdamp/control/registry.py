@@ -109,7 +109,6 @@ class AnySite(ABC):
         return {}
 
     def inverse(self) -> Inverse:
-        """Of the damper's law."""
         from mrdamp.inverse import LawInverse
 
         return LawInverse(self.damper, self.period, commands=(0.0, self.command_max))
@@ -310,7 +309,6 @@ def _at_least(controller: Controller, weak: float, site: AnySite) -> Controller:
 
 
 def is_ideal(spec: str) -> bool:
-    """Whether the command is the force of an ideal actuator, N."""
     return parse(spec)[0] == IDEAL
 
 

@@ -107,14 +107,12 @@ class NetworkInverse:
         return float(np.clip(self.network.forward(values[None])[0], self.low, self.high))
 
     def to_dict(self) -> dict[str, Any]:
-        """What `write` puts into a file."""
         return {
             "inverse": "network", "format": FORMAT, "lead": self.lead, "command": [self.low, self.high],
             "held_out_error": self.error, "weights": self.network.to_text(),
         }  # fmt: skip
 
     def write(self, path: Path | str) -> None:
-        """Writes a JSON file in one go."""
         write_atomic(Path(path), json.dumps(self.to_dict(), indent=1) + "\n")
 
     @classmethod

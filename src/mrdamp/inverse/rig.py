@@ -44,7 +44,6 @@ class Sizes:
 
     @classmethod
     def of(cls, model: Model, motion: RandomMotion, command: float) -> Sizes:
-        """Of a model under a motion."""
         run = track(model, motion, np.zeros(round(_SECONDS / STEP)), Fixed(command))
         _, _, a = motion.sample(run.time)
         return cls(rms(run.force), rms(run.displacement), rms(run.velocity), rms(a), command)
@@ -156,13 +155,11 @@ class Trial:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Heads of `rows`."""
         return (
             "inverse", "RMS error (N)", "of wanted (%)", "command path (ranges/s)", "mean command",
         )  # fmt: skip
 
     def rows(self, kind: str) -> list[tuple[str, float, float, float, float]]:
-        """One row an inverse."""
         return [
             (t.name, t.error, 100 * t.relative_error, t.switching(self.sizes.command), t.mean_command)
             for t in self.tracks[kind]

@@ -168,7 +168,6 @@ def track(
 
 
 def rms(values: Array) -> float:
-    """Root of the mean square."""
     return float(np.sqrt(np.mean(values**2)))
 
 

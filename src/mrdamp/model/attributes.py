@@ -44,7 +44,6 @@ def attributes() -> tuple[Attribute, ...]:
 
 @functools.cache
 def attribute_index() -> dict[str, int]:
-    """Position of each attribute in a parameter vector."""
     return {row.name: i for i, row in enumerate(attributes())}
 
 
@@ -65,7 +64,6 @@ def effects() -> dict[str, EffectRow]:
 
 @functools.cache
 def laws() -> tuple[str, ...]:
-    """Names of the force laws."""
     lib = library()
     return tuple(lib.mrdamp_law_name(i).decode() for i in range(lib.mrdamp_law_count()))
 

@@ -26,7 +26,6 @@ class Reference:
     doi: str = ""
 
     def text(self) -> str:
-        """One line."""
         names = [" ".join(reversed(author.split(", ", 1))) for author in self.authors]
         who = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
         where = " ".join(part for part in (self.journal, self.volume) if part)
@@ -35,7 +34,6 @@ class Reference:
         return f"{who}, {self.title}, {where} ({self.year}){pages}{doi}"
 
     def bibtex(self) -> str:
-        """A BibTeX entry."""
         fields = {
             "author": " and ".join(self.authors), "title": f"{{{self.title}}}", "journal": self.journal,
             "year": str(self.year), "volume": self.volume, "pages": self.pages.replace("-", "--"), "doi": self.doi,

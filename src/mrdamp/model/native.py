@@ -175,12 +175,10 @@ def numbers_of(name: str, value: Any) -> Array:
 
 
 def pointer(array: Array) -> object:
-    """Pointer to the doubles of a contiguous array."""
     return array.ctypes.data_as(double_p)
 
 
 def whole_pointer(array: npt.NDArray[np.intc]) -> object:
-    """Pointer to the whole numbers of a contiguous array."""
     return array.ctypes.data_as(ctypes.POINTER(ctypes.c_int))
 
 

@@ -39,11 +39,9 @@ class Series:
 
     @property
     def n(self) -> int:
-        """Number of samples."""
         return len(self.x)
 
     def part(self, start: int, stop: int, name: str | None = None) -> Series:
-        """The samples start to stop - 1."""
         cut = slice(start, stop)
         return replace(
             self, name=name or self.name, x=self.x[cut], v=self.v[cut], i=self.i[cut], force=self.force[cut],

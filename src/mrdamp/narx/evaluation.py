@@ -72,7 +72,6 @@ def free_run_error(network: Network, s: Series) -> RecordError:
 def evaluate(
     network: Network, train: Sequence[Series], validation: Sequence[Series] = (), test: Sequence[Series] = ()
 ) -> tuple[Evaluation, Evaluation]:
-    """Errors one step ahead and in free run."""
     one, free = (
         Evaluation(*(tuple(error(network, s) for s in part) for part in (train, validation, test)))
         for error in (one_step_error, free_run_error)

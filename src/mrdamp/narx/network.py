@@ -27,7 +27,6 @@ def shapes(inputs: int, hidden: Sequence[int]) -> list[Shape]:
 
 
 def count(inputs: int, hidden: Sequence[int]) -> int:
-    """Number of weights and biases M."""
     return sum(rows * (cols + 1) for rows, cols in shapes(inputs, hidden))
 
 
@@ -160,7 +159,6 @@ class Network:
 
     @property
     def nonzero(self) -> int:
-        """Number of weights and biases that are not zero."""
         return int(np.count_nonzero(self.theta))
 
     def with_theta(self, theta: Array) -> Network:
@@ -197,7 +195,6 @@ class Network:
         words = iter(text.split())
 
         def numbers(count: int) -> Array:
-            """Those behind a keyword."""
             next(words)
             return np.array([float(next(words)) for _ in range(count)])
 

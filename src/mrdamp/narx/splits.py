@@ -35,7 +35,6 @@ class DataSplit:
 
     @property
     def varies(self) -> bool:
-        """Whether the command varies in training."""
         return bool(np.ptp(np.concatenate([s.i for s in self.train])) > 0.0)
 
     @property

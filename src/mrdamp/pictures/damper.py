@@ -264,7 +264,6 @@ def _extent(values: style.Array) -> tuple[float, float]:
 
 
 def _range(record: LoopData, part: slice) -> tuple[float, float]:
-    """Limits of the force axis, N."""
     both = np.concatenate([record.measured[part], record.simulated[part]])
     return style.padded(*_extent(both))
 

@@ -203,7 +203,6 @@ def elide(text: str, points: float, size: float = 9.5, weight: str = "normal") -
 
 @lru_cache(maxsize=4096)
 def text_width(text: str, size: float, weight: str = "normal") -> float:
-    """Width of a line of text in points."""
     font = FontProperties(family="DejaVu Sans", weight=weight, size=size)
     return float(TextToPath().get_text_width_height_descent(text, font, ismath=False)[0])
 

@@ -179,7 +179,6 @@ def is_number(cell: str) -> bool:
 def _not_a_number(
     file: str, names: Sequence[str], rows: list[str], picked: list[int], first_line: int
 ) -> InputError:
-    """The error for the first cell that is not a number."""
     for k, row in enumerate(rows):
         cells = row.split(",")
         for column in picked:

@@ -77,7 +77,6 @@ class Page:
         self._pictures = 0
 
     def text(self, heading: str, paragraphs: Sequence[str] | str) -> None:
-        """Paragraphs."""
         self._add(heading, "text", (paragraphs,) if isinstance(paragraphs, str) else tuple(paragraphs))
 
     def table(
@@ -120,7 +119,6 @@ class Page:
         self._show(heading, picture)
 
     def html(self) -> str:
-        """The whole page."""
         environment = jinja2.Environment(
             autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
         )

@@ -61,7 +61,6 @@ class ParameterSet:
         return table
 
     def model(self) -> Model:
-        """The damper with its effects."""
         from mrdamp.model import Model, effects_from  # which read sets, for what papers to cite
 
         return Model(self.law, dict(self.parameters), effects_from(self.attributes()), name=self.id)
@@ -69,7 +68,6 @@ class ParameterSet:
 
 @cache
 def names() -> tuple[str, ...]:
-    """Ids of the sets that ship, sorted."""
     files = resources.files(__name__).iterdir()
     return tuple(sorted(file.name.removesuffix(".json") for file in files if file.name.endswith(".json")))
 

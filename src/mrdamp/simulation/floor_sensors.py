@@ -113,7 +113,6 @@ class FloorSensors:
 
     @property
     def filters(self) -> list[OnePole | TwoPoles | Settling]:
-        """All sensors with a state."""
         return [*self.leaks, *self.lags]
 
     def read(self, acceleration: Array, fresh: Sequence[int] | None) -> Array:

@@ -84,7 +84,6 @@ def write_mjcf(model: Model, folder: Path | str) -> Path:
 
 
 def shipped(name: str) -> ET.Element:
-    """A hand-written model."""
     return ET.fromstring(models_xml.path(name).read_text(encoding="utf-8"))
 
 
@@ -103,7 +102,6 @@ def child(root: ET.Element, tag: str) -> ET.Element:
 
 
 def drop(parent: ET.Element, path: str) -> None:
-    """Removes the children at a path."""
     for item in parent.findall(path):
         parent.remove(item)
 
@@ -283,7 +281,6 @@ def add_damper(root: ET.Element, damper: Model, **place: str) -> None:
 
 
 def remove_damper(root: ET.Element) -> None:
-    """Removes every plugin and its sensors."""
     for tag in ("extension", "actuator", "sensor"):
         drop(get(root, tag), "plugin")
 
