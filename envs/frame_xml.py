@@ -1,6 +1,5 @@
 """MJCF of frames and quarter cars for an environment, with the sensors that rewards need, and their drawings; the frame
-in motion as an animated picture.
-"""
+in motion as an animated picture."""
 
 from __future__ import annotations
 

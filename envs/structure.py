@@ -1,6 +1,5 @@
 """What a structure says of itself, from which rows, tasks, environments, vector environments and plants follow; and
-rewards: weights of their parts, how they come from names and values, and their sums over an episode.
-"""
+rewards: weights of their parts, how they come from names and values, and their sums over an episode."""
 
 from __future__ import annotations
 
@@ -239,12 +238,9 @@ class Weights:
     def of(cls, given: Self | Mapping[str, Any] | None) -> Self:
         """Weights as they are given, from names and values, or the default. Raises InputError."""
         require_kind(f"a {cls.__name__}, or numbers by name", (cls, Mapping), reward=given)
-        return given if isinstance(given, cls) else cls.from_dict(given or {})  # type: ignore[arg-type]
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """From names and values, as in YAML. Raises InputError for an unknown one."""
-        known = {f.name for f in fields(cls)}
+        if isinstance(given, cls):
+            return given
+        known, data = {f.name for f in fields(cls)}, dict(given or {})  # type: ignore[arg-type]
         for name in data:
             if name not in known:
                 raise InputError(f"reward: {name!r} is unknown; allowed: {', '.join(sorted(known))}")

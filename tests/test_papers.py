@@ -27,8 +27,8 @@ from mrdamp.identify.calibration import PAPER_DELTA_2, frequency_of
 from mrdamp.identify.comparison import judged_records, network_forces, paper_network, row_of, table_1
 from mrdamp.identify.laws import PAPER_FOLLOWS
 from mrdamp.identify.norms import CENTIMETRE, record_norms
-from mrdamp.narx import Candidate, lagged, train_narx
-from mrdamp.narx.select import Effort, try_candidate
+from mrdamp.narx import lagged, train_narx
+from mrdamp.narx.select import Candidate, Effort, try_candidate
 from mrdamp.narx.splits import at_constant_command, cut_varying, of_records, varying_command
 from mrdamp.narx.train import blank
 from mrdamp.records import Record, embedded

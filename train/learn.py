@@ -23,7 +23,7 @@ from mrdamp.model.core import Array
 from mrdamp.parallel import Progress, mapped, silent
 from mrdamp.pictures import style
 from mrdamp.train.run import Result, Run, reading, require_policy
-from mrdamp.train.settings import Options, Settings, folder_name, settings
+from mrdamp.train.settings import Options, Settings, settings
 
 
 def train(options: Options, out: Path | str, progress: Progress | None = None) -> Result:
@@ -158,7 +158,7 @@ def sweep(
     for overrides in grid:
         chosen = replace(options, overrides=(*options.overrides, *overrides))
         settings(chosen)
-        folder = out / folder_name(overrides) if choices else out
+        folder = out / ",".join(value.replace("/", "-") for value in overrides) if choices else out
         tasks += [(replace(chosen, seed=seed), folder / f"seed_{seed}") for seed in seeds]
     if jobs == 1:
         results = list(mapped(train, [(*task, progress) for task in tasks]))

@@ -57,8 +57,8 @@ class Drawn:
 class Known:
     """A load and the base controller's run under it, T control periods.
 
-    criteria: (T, k) sizes of the world's criteria in each; shares: (T,) of the current; ratios: (k,) the measures;
-    measured: (T + 1, names), from the start on.
+    criteria: (T, k) sizes of the world's criteria in each; ratios: (k,) the measures; measured: (T + 1, names), from
+    the start on.
     """
 
     load: Any

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
@@ -223,8 +223,3 @@ def _number(value: Any) -> Any:
         except ValueError:
             return value
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) >= 1000 else value
-
-
-def folder_name(values: Sequence[str]) -> str:
-    """A folder's name for the overrides of a sweep's setting."""
-    return ",".join(value.replace("/", "-") for value in values) or "default"

@@ -1,6 +1,5 @@
 """The structures that a policy can be trained in: tasks and loads, what it is evaluated by, and its evaluation; what is
-taken there from a classical controller: its Kalman filter, and the weights nearest to its wanted force.
-"""
+taken there from a classical controller: its Kalman filter, and the weights nearest to its wanted force."""
 
 from __future__ import annotations
 

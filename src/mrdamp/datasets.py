@@ -21,6 +21,7 @@ import numpy as np
 
 from mrdamp.errors import InputError, optional
 from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.parallel import Progress
 from mrdamp.records import SUFFIXES, Record, RecordSet, read_records
 
 
@@ -43,8 +44,7 @@ class Source:
 class Dataset:
     """A public set. name: of its folder. rig, tests: in words. licence: as in the source. doi: "" for none. url: the
     source's page. channels: in a record of it. command: what the command is, and its unit. source: None where it is to
-    be fetched by hand from the page.
-    """
+    be fetched by hand from the page."""
 
     name: str
     rig: str
@@ -171,8 +171,6 @@ def read(name: str, folder: Path | str | None = None) -> RecordSet:
         raise InputError(f"{path}: no such folder; {mend}")
     return read_records(path)
 
-
-Progress = Callable[[str, float], None]
 
 HASHES = "hashes.json"
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -64,17 +64,6 @@ class ControlledCable(TautCable):
         return float(found.x)
 
 
-@dataclass(frozen=True)
-class CableResult:
-    """RMS motion over that with the best viscous damper, and RMS force over its."""
-
-    best_viscous: float  # the dashpot's constant
-    uncontrolled: float
-    active: float
-    semi_active: float
-    force: float  # of the semi-active damper
-
-
 def semi_active(
     cable: ControlledCable,
     gain: FloatArray,
@@ -82,7 +71,6 @@ def semi_active(
     period: float,
     duration: float = 300.0,
     runs: int = 32,
-    seed: int = 0,
 ) -> tuple[float, float]:
     """J and RMS force of an ideal semi-active damper: F = -gain s where that takes energy out, else none.
 
@@ -97,7 +85,7 @@ def semi_active(
     b, noise = e[:n, n], e[:n, n + 1 :] / math.sqrt(period)
     # One product a period: the state without the force, the wanted force, the velocity, and the velocity at the end.
     rows = np.vstack([e[:n, :n], -gain, cable.velocity_row])
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     steps, skip = round(duration / period), round(0.1 * duration / period)
     s = np.zeros((n, runs))
     motion = np.zeros((len(cable.cost_factor), runs))
@@ -116,19 +104,20 @@ def semi_active(
     return math.sqrt(mean[0]), math.sqrt(mean[1])
 
 
-def reference_result(cable: ControlledCable, *, period: float, seed: int = 0) -> CableResult:
-    """The published comparison of one cable; arguments as for `semi_active`."""
+def reference_result(cable: ControlledCable) -> dict[str, float]:
+    """The published comparison of one cable: the best dashpot's constant, RMS motions over that with it, and the
+    semi-active RMS force over its."""
     c = cable.best_viscous()
     best, best_force = cable.rms(c * cable.velocity_row)
     gain = cable.optimal_gain()
-    motion, force = semi_active(cable, gain, period=period, seed=seed)
-    return CableResult(
-        best_viscous=c,
-        uncontrolled=cable.rms(np.zeros_like(gain))[0] / best,
-        active=cable.rms(gain)[0] / best,
-        semi_active=motion / best,
-        force=force / best_force,
-    )
+    motion, force = semi_active(cable, gain, period=PERIOD)
+    return {
+        "best_viscous": c,
+        "uncontrolled": cable.rms(np.zeros_like(gain))[0] / best,
+        "active": cable.rms(gain)[0] / best,
+        "semi_active": motion / best,
+        "force": force / best_force,
+    }
 
 
 #: Of control, where the fundamental's period is 2 pi. The semi-active figure depends on it: docs/control.md.
@@ -145,6 +134,7 @@ REFERENCE: Mapping[Case, tuple[float, float, float]] = {
     (0.05, "mode1"): (2.53414, 0.39992, 0.47837),
 }
 COLUMNS = ("uncontrolled", "active", "semi-active")
+_FOUND = ("uncontrolled", "active", "semi_active")
 
 
 @dataclass(frozen=True)
@@ -152,24 +142,20 @@ class TableRow:
     """A case: what was found and the deviations from the reference, percent, as COLUMNS."""
 
     case: Case
-    found: CableResult
-    deviation: tuple[float, float, float]
+    found: Mapping[str, float]
+    deviation: tuple[float, ...]
 
 
-def table(
-    period: float = PERIOD, jobs: int = 1, seed: int = 0, progress: Callable[[str, float], None] | None = None
-) -> tuple[TableRow, ...]:
-    """The six cases; period: of control, without dimension."""
+def table(jobs: int = 1, progress: Callable[[str, float], None] | None = None) -> tuple[TableRow, ...]:
+    """The six cases."""
     cases = tuple(REFERENCE)
-    run = partial(reference_result, period=period, seed=seed)
-    results = mapped(run, [(ControlledCable(at, load=load),) for at, load in cases], jobs)
+    results = mapped(reference_result, [(ControlledCable(at, load=load),) for at, load in cases], jobs)
     rows = []
     for k, (case, found) in enumerate(zip(cases, results, strict=True), start=1):
         if progress:
             progress("cable", k / len(cases))
-        values = found.uncontrolled, found.active, found.semi_active
-        deviation = tuple(100 * (v / r - 1) for v, r in zip(values, REFERENCE[case], strict=True))
-        rows.append(TableRow(case, found, (deviation[0], deviation[1], deviation[2])))
+        deviation = tuple(100 * (found[name] / r - 1) for name, r in zip(_FOUND, REFERENCE[case], strict=True))
+        rows.append(TableRow(case, found, deviation))
     return tuple(rows)
 
 
@@ -179,9 +165,8 @@ def shown(rows: Sequence[TableRow]) -> tables.Table:
     body = []
     for row in rows:
         f = row.found
-        values = zip((f.uncontrolled, f.active, f.semi_active), row.deviation, strict=True)
-        cells = (f"{v:.4f} ({d:+.2f})" for v, d in values)
-        body.append((f"{row.case[0]:g}, {row.case[1]}", f"{f.best_viscous:.3f}", *cells, f"{f.force:.2f}"))
+        cells = (f"{f[name]:.4f} ({d:+.2f})" for name, d in zip(_FOUND, row.deviation, strict=True))
+        body.append((f"{row.case[0]:g}, {row.case[1]}", f"{f['best_viscous']:.3f}", *cells, f"{f['force']:.2f}"))
     note = (
         "RMS motion over that with the best viscous damper, in parentheses the deviation from the reference in "
         "percent; the force over the best viscous damper's RMS force. White noise, full state, control period "
@@ -192,6 +177,6 @@ def shown(rows: Sequence[TableRow]) -> tables.Table:
 
 def to_dict(rows: Sequence[TableRow]) -> list[dict[str, Any]]:
     return [
-        {"damper_at": row.case[0], "load": row.case[1], **vars(row.found), "deviation_percent": row.deviation}
+        {"damper_at": row.case[0], "load": row.case[1], **row.found, "deviation_percent": row.deviation}
         for row in rows
     ]

@@ -144,8 +144,10 @@ def search(
 
 def _stage(rollouts: Rollouts, paths: Sequence[Path], objective: Peaks, hold: int, effort: Effort) -> None:
     """Searches with commands that are held over `hold` periods, from where each path stands."""
+    first = np.arange(0, rollouts.periods, hold)  # of a block; the last one may be short
     for path in paths:
-        path.begin(_block_means(path.commands, hold), effort.trust)
+        total = np.add.reduceat(path.commands, first)
+        path.begin(total / np.diff(np.append(first, len(path.commands))), effort.trust)
     y, states = rollouts.run(
         np.stack([_spread(path.block_commands, hold, rollouts.periods) for path in paths]), states=True
     )
@@ -212,12 +214,6 @@ def _minimax(slope: Array, size: Array, group: Whole, weights: Array, low: Array
         np.append(np.zeros(n), weights), np.hstack([slope, tops]), -size, bounds=bounds, method="highs-ds"
     )
     return np.asarray(solved.x[:n]) if solved.x is not None else np.zeros(n)
-
-
-def _block_means(commands: Array, hold: int) -> Array:
-    """(blocks,) means over `hold` periods; the last block may be short."""
-    first = np.arange(0, len(commands), hold)
-    return np.asarray(np.add.reduceat(commands, first) / np.diff(np.append(first, len(commands))))
 
 
 def _spread(block_commands: Array, hold: int, periods: int) -> Array:

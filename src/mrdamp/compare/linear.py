@@ -1,6 +1,5 @@
 """A stay cable under ambient and wind loads, and a structure of one's own under loads that its source draws: one run,
-what is kept of it, what tuning tries; clairvoyant commands for the cable.
-"""
+what is kept of it, what tuning tries; clairvoyant commands for the cable."""
 
 from __future__ import annotations
 

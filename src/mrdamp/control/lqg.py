@@ -71,8 +71,7 @@ class Linear:
 
 def linear(structure: ShearFrame | Linear) -> Linear:
     """Of a frame: what Dyke's filter got, all floor accelerations and `displacement_1`; regulated is the top floor's
-    absolute acceleration. The dashpot would damp a rigid frame with the first frequency with a ratio of one half.
-    """
+    absolute acceleration. The dashpot would damp a rigid frame with the first frequency with a ratio of one half."""
     if isinstance(structure, Linear):
         return structure
     frame, first = structure, float(2 * np.pi * structure.frequencies[0])

@@ -1,6 +1,5 @@
 """What an inverse of an MR damper is, from the force that is wanted to the command that brings it; and what it is
-compared with: on/off switching, and commands independent of the wanted force.
-"""
+compared with: on/off switching, and commands independent of the wanted force."""
 
 from __future__ import annotations
 

@@ -138,12 +138,6 @@ def swapped(s: Series, lead: int) -> Series:
     return Series(s.name, s.sample_time, s.x[keep], s.v[keep], s.force[lead:], s.i[keep])
 
 
-def network_inputs(lead: int, lags: Mapping[str, Sequence[int]]) -> tuple[tuple[str, int], ...]:
-    """Inputs of the network for `train_narx`: motion, wanted force, measured forces."""
-    motion = [(channel, lag) for channel in "xv" for lag in lags[channel]]
-    return (*motion, ("i", 0), *(("i", lead + lag) for lag in lags["F"]))
-
-
 def train_inverse(
     train: Sequence[Series],
     validation: Sequence[Series],
@@ -189,7 +183,8 @@ def _trained(
     train: Sequence[Series], lags: Mapping[str, Sequence[int]], lead: int, hidden: Sequence[int], seed: int
 ) -> Network:
     turned = [swapped(s, lead) for s in train]
-    inputs = network_inputs(lead, lags)
+    motion = [(channel, lag) for channel in "xv" for lag in lags[channel]]
+    inputs = (*motion, ("i", 0), *(("i", lead + lag) for lag in lags["F"]))
     start = nn.nguyen_widrow(len(inputs), hidden, np.random.default_rng(seed))
     check(turned, inputs, len(start))
     network = blank(turned, inputs, hidden)

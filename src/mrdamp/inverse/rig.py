@@ -1,6 +1,5 @@
 """Inverses compared with each other on a rig: a damper with every effect of a real one, records of it to identify from,
-the same motion and wanted force for all; and their page.
-"""
+the same motion and wanted force for all; and their page."""
 
 from __future__ import annotations
 

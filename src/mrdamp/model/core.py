@@ -140,9 +140,12 @@ def run_records(
     require_kind("a whole number", int, threads=threads, lanes=lanes)
     if threads < 0:
         raise InputError(f"threads is {threads}; allowed: 0 or more")
-    numbers = np.array([_column(name) for name in columns], dtype=np.intc)
-    if not len(numbers):
+    if not len(columns):
         raise InputError(f"columns is empty; allowed: {', '.join(COLUMNS)}")
+    for name in columns:
+        if name not in COLUMNS:
+            raise InputError(f"column '{name}' is unknown; allowed: {', '.join(COLUMNS)}")
+    numbers = np.array([COLUMNS.index(name) for name in columns], dtype=np.intc)
     for one in records:
         _check(one)
     require_one_of("", ("cpu", "cuda"), device=device)
@@ -388,9 +391,3 @@ def _matrix(params: Array) -> Array:
     if matrix.ndim != 2 or matrix.shape[1] != len(attributes()):
         raise InputError(f"params has shape {np.shape(params)}; expected (sets, {len(attributes())}), as by `vector`")
     return matrix
-
-
-def _column(name: str) -> int:
-    if name not in COLUMNS:
-        raise InputError(f"column '{name}' is unknown; allowed: {', '.join(COLUMNS)}")
-    return COLUMNS.index(name)

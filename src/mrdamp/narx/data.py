@@ -63,8 +63,7 @@ class Series:
 
 def lagged(channels: str = "viF", lags: int = 4) -> tuple[Input, ...]:
     """Inputs of a lag space: x, v, i at lags 0 to `lags`, F at 1 to `lags` + 1 (Eq. 11 of Chen, Ni and Or). Raises
-    InputError.
-    """
+    InputError."""
     inputs = tuple((channel, lag + (channel == "F")) for channel in channels for lag in range(lags + 1))
     check_inputs(inputs)
     return inputs
@@ -100,8 +99,7 @@ def protocol(
     record: Record, counts: tuple[int, int, int] = PROTOCOL, sample_time: float = PROTOCOL_TIME
 ) -> tuple[Series, Series, Series]:
     """Training, validation and test part of one record, in time order, without a common sample. Raises InputError for a
-    record of fewer samples.
-    """
+    record of fewer samples."""
     whole = series(record, sample_time)
     ends = np.cumsum((0, *counts))
     if whole.n < ends[-1]:

@@ -188,12 +188,15 @@ def _without(network: Network, posterior: Posterior, free: Array, number: int, m
         theta[moving[np.argsort(np.abs(theta[moving]), kind="stable")[:number]]] = 0.0
         return theta
     p = theta[moving]
-    inverse = _inverse(posterior.hessian)
+    # Directions that the data say nothing about count as barely known.
+    values, vectors = linalg.eigh(posterior.hessian, check_finite=False)
+    inverse = vectors / np.maximum(values, 1e-12 * values[-1]) @ vectors.T
     if method == "structure":
         place = np.full(len(theta), -1)
         place[moving] = np.arange(len(moving))
         groups = [place[group[free[group]]] for group in _groups(network)]
-        out = min((g for g in groups if len(g)), key=lambda g: _saliency(p, inverse, g))
+        # Of the least rise of the objective per weight when these go and the others make up for it.
+        out = min(filter(len, groups), key=lambda g: p[g] @ np.linalg.solve(inverse[np.ix_(g, g)], p[g]) / len(g))
     else:
         out = np.argsort(p**2 / np.diag(inverse), kind="stable")[:number]
     # All of them at once: the least rise of the quadratic model with these weights at zero.
@@ -201,17 +204,6 @@ def _without(network: Network, posterior: Posterior, free: Array, number: int, m
     p[out] = 0.0
     theta[moving] = p
     return theta
-
-
-def _inverse(hessian: Array) -> Array:
-    """Of a symmetric positive matrix; directions that the data say nothing about count as barely known."""
-    values, vectors = linalg.eigh(hessian, check_finite=False)
-    return np.asarray(vectors / np.maximum(values, 1e-12 * values[-1]) @ vectors.T)
-
-
-def _saliency(p: Array, inverse: Array, out: Array) -> float:
-    """Rise of the objective per weight when the weights `out` go and the others make up for it."""
-    return float(p[out] @ np.linalg.solve(inverse[np.ix_(out, out)], p[out])) / (2.0 * len(out))
 
 
 def _groups(network: Network) -> list[Array]:

@@ -118,8 +118,7 @@ class Record(Shown):
 
     def velocity(self, cutoff_hz: float | None = None) -> Array:
         """(n,) m/s: the displacement's central difference, whether a velocity was measured or not; cutoff_hz: of a
-        zero-phase Butterworth low-pass before it.
-        """
+        zero-phase Butterworth low-pass before it."""
         return sampling.derivative(self._smooth("displacement_m", cutoff_hz), self.sample_time)
 
     def acceleration(self, cutoff_hz: float | None = None) -> Array:

@@ -219,7 +219,8 @@ def _check(m: mujoco.MjModel, dampers: list[int]) -> None:
     mass = {row.name: k for k, row in enumerate(attributes())}["moving_mass_m"]
     for k in dampers:
         name = m.actuator(k).name or str(k)
-        if _transmission(m, k) not in _LENGTHS or _along_site(m, k):
+        along_site = _transmission(m, k) == mujoco.mjtTrn.mjTRN_SITE and int(m.actuator_trnid[k, 1]) < 0
+        if _transmission(m, k) not in _LENGTHS or along_site:
             raise InputError(f"actuator '{name}': dampers in Warp act on a joint, tendon, two sites or slider-crank")
         group = int(m.actuator_group[k])
         if 0 <= group < 31 and m.opt.disableactuator & 1 << group:
@@ -234,10 +235,6 @@ def _check(m: mujoco.MjModel, dampers: list[int]) -> None:
 
 def _transmission(m: mujoco.MjModel, k: int) -> mujoco.mjtTrn:
     return mujoco.mjtTrn(int(m.actuator_trntype[k]))
-
-
-def _along_site(m: mujoco.MjModel, k: int) -> bool:
-    return _transmission(m, k) == mujoco.mjtTrn.mjTRN_SITE and int(m.actuator_trnid[k, 1]) < 0
 
 
 def _straight(m: mujoco.MjModel, k: int) -> bool:

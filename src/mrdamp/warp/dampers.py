@@ -92,7 +92,9 @@ class Dampers:
             params[:, k, index[name]] = numbers
         for row in np.unique(params[:, k], axis=0):
             check(one.law, row)
-            _room(row, state.arrays["lines"] is not None)
+            delayed = row[index["command_delay_d"]] + row[index["command_delay_period"]] > 0
+            if delayed and state.arrays["lines"] is None:
+                raise InputError("command_delay: the model was made without one; give its damper a delay in the MJCF")
         self._params(state, params)
 
     def reset(self, data: mujoco_warp.Data) -> None:
@@ -230,12 +232,6 @@ class Dampers:
             return
         entry: Callable[..., None] = getattr(library(), f"mrdamp_worlds_{what}")
         entry(ctypes.byref(state.worlds), self.threads)
-
-
-def _room(params: Array, lines: bool) -> None:
-    index = attribute_index()
-    if not lines and params[index["command_delay_d"]] + params[index["command_delay_period"]] > 0:
-        raise InputError("command_delay: the model was made without one; give its damper a delay in the MJCF")
 
 
 def put_model(
