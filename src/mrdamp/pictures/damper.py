@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -59,35 +59,43 @@ def loops(records: Sequence[LoopData], periods: float = 3.0) -> Figure:
     Shown are so many mean periods of the motion, where the piston moves fastest.
     """
     style.require_some("loops", records, "record")
-    parts = [style.thinned(style.busiest(r.time, r.displacement, periods, r.velocity), 1500) for r in records]
-    force, force_name = style.force_unit(*(r.measured for r in records))
-    length, length_name = style.length_unit(*(r.displacement for r in records))
-    speed, speed_name = style.velocity_unit(*(r.velocity[p] for r, p in zip(records, parts, strict=True)))
-    fig = style.figure(0.75 + 1.75 * len(records))
-    axes = style.axes_grid(fig, len(records), 2, sharey="row")
-    for record, part, (left, right) in zip(records, parts, axes, strict=True):
-        for ax, x in ((left, length * record.displacement[part]), (right, speed * record.velocity[part])):
-            ax.plot(x, force * record.simulated[part], color=style.SIMULATED, linewidth=2.0)
-            ax.plot(x, force * record.measured[part], color=style.INK, linewidth=0.7)
-            style.ticks(ax, 5, 5)
-        style.row_title(left, right, record.name, record.note)
-        left.set_ylabel(f"force, {force_name}")
+    fig = loop_rows(records, periods, [style.SIMULATED] * len(records), 1.75, sharey="row")
     fig.align_ylabels()
-    axes[-1][0].set_xlabel(f"displacement, {length_name}")
-    axes[-1][1].set_xlabel(f"velocity, {speed_name}")
     _measured_and_simulated(fig)
     return fig
 
 
+def loop_rows(
+    records: Sequence[LoopData], periods: float, colours: Sequence[str], height: float, **shared: Any
+) -> Figure:
+    """Measured loops over simulated ones in a colour each, without a legend; shared: axes."""
+    parts = [style.thinned(style.busiest(r.time, r.displacement, periods, r.velocity), 1500) for r in records]
+    force, force_name = style.force_unit(*(r.measured for r in records))
+    length, length_name = style.length_unit(*(r.displacement for r in records))
+    speed, speed_name = style.velocity_unit(*(r.velocity[p] for r, p in zip(records, parts, strict=True)))
+    fig = style.figure(0.75 + height * len(records))
+    axes = style.axes_grid(fig, len(records), 2, **shared)
+    for record, part, colour, (left, right) in zip(records, parts, colours, axes, strict=True):
+        for ax, x in ((left, length * record.displacement[part]), (right, speed * record.velocity[part])):
+            ax.plot(x, force * record.simulated[part], color=colour, linewidth=2.0)
+            ax.plot(x, force * record.measured[part], color=style.INK, linewidth=0.7)
+            style.ticks(ax, 5, 5)
+        style.row_title(left, right, record.name, record.note)
+        left.set_ylabel(f"force, {force_name}")
+    axes[-1][0].set_xlabel(f"displacement, {length_name}")
+    axes[-1][1].set_xlabel(f"velocity, {speed_name}")
+    return fig
+
+
 @style.styled
-def histories(records: Sequence[LoopData], periods: float = 6.0) -> Figure:
+def histories(records: Sequence[LoopData]) -> Figure:
     """Force over time, measured over simulated, and below it their difference on the same scale.
 
-    Shown are so many mean periods of the motion, where the piston moves fastest. A command that changes there
-    is drawn below.
+    Shown are six mean periods of the motion, where the piston moves fastest. A command that changes there is drawn
+    below.
     """
     style.require_some("histories", records, "record")
-    parts = [style.busiest(r.time, r.displacement, periods, r.velocity) for r in records]
+    parts = [style.busiest(r.time, r.displacement, 6.0, r.velocity) for r in records]
     force, force_name = style.force_unit(*(r.measured for r in records))
     # One grid for all: subfigures would not line up.
     rows: list[tuple[LoopData, slice, str]] = []

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from mrdamp.errors import InputError
 from mrdamp.pictures import style
+from mrdamp.pictures.damper import LoopData, loop_rows
 
 
 @style.styled
@@ -66,24 +67,10 @@ def model_loops(
 ) -> Figure:
     """One record's loops over displacement and over velocity, every model in its own row over the measurement."""
     style.require_some("model_loops", simulated, "model")
-    part = style.thinned(style.busiest(time, displacement, 2.0, velocity), 1500)
-    force, force_name = style.force_unit(measured)
-    length, length_name = style.length_unit(displacement)
-    speed, speed_name = style.velocity_unit(velocity[part])
-    fig = style.figure(0.75 + 1.6 * len(simulated))
-    axes = style.axes_grid(fig, len(simulated), 2, sharex="col", sharey=True)
-    for count, ((name, model), (left, right)) in enumerate(zip(simulated.items(), axes, strict=True)):
-        model = style.finite(name, model, measured.shape)
-        for ax, x in ((left, length * displacement), (right, speed * velocity)):
-            ax.plot(
-                x[part], force * model[part], color=style.COLOURS[count % len(style.COLOURS)], linewidth=2.0
-            )
-            ax.plot(x[part], force * measured[part], color=style.INK, linewidth=0.7)
-            style.ticks(ax, 5, 5)
-        style.row_title(left, right, name, "")
-        left.set_ylabel(f"force, {force_name}")
-    axes[-1][0].set_xlabel(f"displacement, {length_name}")
-    axes[-1][1].set_xlabel(f"velocity, {speed_name}")
+    motion = time, displacement, velocity, np.zeros_like(time), measured
+    rows = [LoopData(name, *motion, model) for name, model in simulated.items()]
+    colours = [style.COLOURS[k % len(style.COLOURS)] for k in range(len(rows))]
+    fig = loop_rows(rows, 2.0, colours, 1.6, sharex="col", sharey=True)
     coloured = {"color": style.MUTED, "linewidth": 2.0}
     style.line_legend(fig, {"measured": {"color": style.INK, "linewidth": 0.9}, "model, in colour": coloured})
     return fig

@@ -15,11 +15,11 @@ from mrdamp.simulation.criteria import Criteria
 
 
 @style.styled
-def drifts(time: ArrayLike, drift: Mapping[str, ArrayLike], periods: float = 12.0) -> Figure:
+def drifts(time: ArrayLike, drift: Mapping[str, ArrayLike]) -> Figure:
     """Storey drifts under each controller; the first is what the others are compared with.
 
     time (n,) s; drift: controller -> (n, N) m. On top the whole motion of the storey that drifts most;
-    below it every storey, the top one first, over so many mean periods where the first drifts most.
+    below it every storey, the top one first, over twelve mean periods where the first drifts most.
     """
     t = style.time_axis("time", time)
     runs = _runs("drifts", t, drift)
@@ -28,7 +28,7 @@ def drifts(time: ArrayLike, drift: Mapping[str, ArrayLike], periods: float = 12.
     storeys = reference.shape[1]
     worst = int(np.argmax(np.abs(reference).max(axis=0)))
     scale, unit = style.length_unit(*runs.values())
-    window = style.busiest(t, reference[:, worst], periods)
+    window = style.busiest(t, reference[:, worst], 12.0)
     part = style.thinned(window, 3000)
     colour = style.colours(names)
     high = 1.05 if storeys <= 4 else 0.8
@@ -136,7 +136,6 @@ def command_history(
     force: Mapping[str, ArrayLike],
     command_unit: str = "A",
     order: Sequence[str] | None = None,
-    periods: float = 12.0,
 ) -> Figure:
     """The damper's force and the command that made it, for each controller, where the force is largest.
 
@@ -150,7 +149,7 @@ def command_history(
         raise InputError(f"picture: commands of {list(command)} and forces of {list(force)}; name the same")
     forces = {name: style.finite(f"{name}: force", force[name], t.shape) for name in commands}
     names = list(commands)
-    window = style.busiest(t, forces[names[-1]], periods)
+    window = style.busiest(t, forces[names[-1]], 12.0)
     part = style.thinned(window, 4000)
     scale, unit = style.force_unit(*forces.values())
     most = style.peak(*commands.values()) or 1.0
