@@ -232,7 +232,6 @@ def tell(folders: Sequence[Path], progress: Progress | None) -> None:
         progress(f"train: {done:.1f} of {len(folders)} trainings", done / len(folders))
 
 
-@style.styled
 def curve(result: Result) -> Figure:
     return curves([result])
 
@@ -252,6 +251,7 @@ def _shared(results: Sequence[Result]) -> tuple[Array, Array]:
     return (at / 1e6).mean(axis=0), scores
 
 
+@style.styled
 def curves(results: Sequence[Result]) -> Figure:
     """One thin line a seed, a thick one their mean at the evaluations that all have."""
     fig, axes = _axes(0.55)
