@@ -277,7 +277,7 @@ class CableEnv(PlantEnv):
 
     Spaces, starting state, episode end and the arguments of every environment are those of `PlantEnv`. The damper's
     transmission is the tendon `stroke`. Below its least command, .6 V of 4 V (actions up to -.7), the default damper
-    does as at .6 V: a dead zone.
+    does as at .6 V: a dead zone, which the law has by a limit of the command, so that current and power count .6 V too.
 
     ## Observation Space
 

@@ -93,7 +93,7 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     ## Observation Space
 
-    `Box(-20, 20, (history (s + m),), float32)`: readings of s sensors, each divided by its scale
+    `Box(-1000, 1000, (history (s + m),), float32)`: readings of s sensors, each divided by its scale
     (`env.unwrapped.task.observer` has both), and the commands held in the period that ended, 0 to 1.
 
     ## Starting State

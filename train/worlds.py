@@ -290,9 +290,6 @@ def _filter(*matrices: Array) -> LinearFilter:
     return LinearFilter(*(tuple(map(tuple, matrix.tolist())) for matrix in matrices))
 
 
-_WIDE = 1e3  # of the observer's units
-
-
 def estimated(world: World, spec: str) -> Observer:
     """The world's observer with the states of a controller's Kalman filter, each in its share of the wanted force over
     the largest: what matters most to the controller is largest.
@@ -310,8 +307,7 @@ def estimated(world: World, spec: str) -> Observer:
     if missing:
         raise InputError(f"estimator {controller.name}: {missing[0]} is not observed")
     scale = controller.aim.k / world.levels(task).force_max
-    # What is cut off would be in the states for long: near a damper that sticks, accelerations are large.
-    return replace(own, limit=_WIDE, filter=_filter(*_scaled(held, scale, own)))
+    return replace(own, filter=_filter(*_scaled(held, scale, own)))
 
 
 def with_ground(world: World, given: Any) -> World:
@@ -323,7 +319,7 @@ def with_ground(world: World, given: Any) -> World:
     observer = task.observer
     for ground in [Ground.of(one) for one in (given if isinstance(given, list) else [given])]:
         observer = ground.observed(observer, task.structure.frame, task.rows.period)
-    return world.observing(replace(observer, limit=_WIDE))
+    return world.observing(observer)
 
 
 def imitated(

@@ -81,7 +81,8 @@ class Observer:
     peaks: signals by name and, in control periods, the time constant of a leaky peak of its size that follows those.
     filter: states that follow at the end, as those of a Kalman filter.
     command_max: A or V, what that command is divided by, one number for each damper. limit: what a scaled value is
-    cut off at, as a real sensor has a range.
+    cut off at, as a real sensor has a range; the default cuts no reading of the environments: what is cut off near a
+    damper that sticks would be in a filter's states for long.
 
     Before the first call (`reset`) the past is taken to be like the first measurement. Raises InputError.
     """
@@ -91,7 +92,7 @@ class Observer:
     history: int = 1
     action_in_observation: bool = True
     command_max: tuple[float, ...] = (1.0,)
-    limit: float = 20.0
+    limit: float = 1000.0
     memory: tuple[float, ...] = ()
     peaks: Mapping[str, float] = field(default_factory=dict)
     filter: LinearFilter | None = None
