@@ -106,10 +106,7 @@ def _over_records(effort: Effort) -> Section:
     figures.append(
         Figure("network 15-20-1, one initialisation", cost, "s", "<= 60", f"{part.n} samples, one step ahead")
     )
-    text = (
-        "CPU time of a fit on one thread over the duration of its records (the nine embedded training"
-        " records at 500 Hz)."
-    )
+    text = "CPU time of a fit, one thread, over the duration of its records (embedded, at 500 Hz)."
     return Section("Identification", text, tuple(figures))
 
 

@@ -72,7 +72,7 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "Frame with damper over frame without",
-            f"Three storeys with and without damper ({DYKE.id}), driver lag and force sensor. `shipped`: "
+            f"With {DYKE.id}, driver lag and force sensor. `shipped`: "
             "models_xml/frame3; `bare`: without visual elements and accelerometers. Engine clock: of its profiler, "
             "which `import mujoco` installs.",
             tuple(rows),

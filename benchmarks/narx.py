@@ -69,7 +69,7 @@ def loop(net: core.Narx, folder: Path) -> Loop | None:
 
 def measure(effort: Effort) -> list[Section]:
     """The table."""
-    text = "In double precision; the last output is fed back, so that passes do not overlap."
+    text = "In double precision; the last output is fed back."
     net = core.Narx(weights())
     with tempfile.TemporaryDirectory() as folder:
         passes = loop(net, Path(folder))

@@ -114,4 +114,4 @@ def table(figures: Sequence[Figure]) -> list[str]:
 def _summary(sections: Sequence[Section]) -> list[str]:
     """How many targets are reached."""
     met = [f.met for section in sections for f in section.figures if f.met is not None]
-    return [f"**{sum(met)} of {len(met)} targets are reached**; the others are marked as missed.", ""] if met else []
+    return [f"**{sum(met)} of {len(met)} targets are reached.**", ""] if met else []

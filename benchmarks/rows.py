@@ -136,8 +136,8 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "Rows on the chain",
-            'A step of one row on the chain (`engine="chain"`), over MuJoCo. Control period 5 ms; '
-            "default steps on both: 0.5 ms (frame), 0.125 ms (cable). Rows on threads: wall-clock time of the C "
+            'Over MuJoCo (`engine="chain"`). Control period 5 ms; '
+            "steps of 0.5 ms (frame), 0.125 ms (cable). Rows on threads: wall-clock time of the C "
             "entry's part, two idle cores; the others: one thread.",
             (*against_the_engine(effort), *threads(effort), *sizes(effort)),
         )
