@@ -90,7 +90,7 @@ def markdown(sections: Sequence[Section], rounds: int) -> str:
         "# Speed",
         "",
         f"Written by `make bench`. Ratios: medians of {rounds} rounds, both sides in turn, in CPU time of the "
-        "measuring thread, with quartiles and both costs. The command prints further rows.",
+        "measuring thread, with quartiles and both costs. It prints further rows.",
         "",
         f"Machine: {machine()}.",
         "",

@@ -136,7 +136,7 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "Rows on the chain",
-            'Over MuJoCo (`engine="chain"`). Control period 5 ms; '
+            '`engine="chain"` over MuJoCo. Control period 5 ms; '
             "steps of 0.5 ms (frame), 0.125 ms (cable). Rows on threads: wall-clock time of the C "
             "entry's part, two idle cores; the others: one thread.",
             (*against_the_engine(effort), *threads(effort), *sizes(effort)),
