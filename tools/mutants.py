@@ -165,7 +165,9 @@ MUTANTS = (
     *_some(
         "channel_shift", "plugin_cpp/core/record.cc", _FORMS, ("p.channel_shift_d", "-p.channel_shift_d", "TakeBack(")
     ),
-    *_some("motion_lag", "plugin_cpp/core/shift.h", _FORMS, ("tau * v[i]", "-tau * v[i]", "x[i] += ")),
+    *_some("motion_lag", "plugin_cpp/core/shift.h", _FORMS,
+           ("tau * v[i]", "-tau * v[i]", "x[i] += "),
+           ("w[kGrid + j] * off", "-w[kGrid + j] * off", "own[i + j] += ")),
     *_some("seal_friction", _E + "mechanics.h", _FORMS,
            ("breakaway - 1", "breakaway", "coulomb * (1 + ("),
            ("Select(dx > 0, limit, -limit) / sigma", "Select(dx > 0, -limit, limit) / sigma"),
