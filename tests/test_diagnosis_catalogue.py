@@ -185,6 +185,17 @@ def test_a_soft_mount_with_a_hard_stop_is_a_clearance(
     assert chosen(made(terms["backlash"], 0.0110), made(term, 0.0101, point)) == (cause,)
 
 
+@pytest.mark.parametrize(("travel", "cause"), [(0.5, "mount_compliance"), (0.7, "backlash")])
+def test_a_clearance_of_less_than_its_ends_give_way_by_is_a_mount(
+    terms: dict[str, Term], travel: float, cause: str
+) -> None:
+    """travel: half of the clearance over that of its ends under the RMS force. The clearance fits a little better."""
+    term, force, k = terms["backlash"], 500 / np.sqrt(2), 5e5
+    values = {"backlash_gap": 2 * travel * force / k, "backlash_k": k}
+    point = np.array([c.point(values[c.name]) for c in term.coordinates])
+    assert chosen(made(terms["mount_compliance"], 0.0110), made(term, 0.0101, point)) == (cause,)
+
+
 def test_at_one_command_a_coefficient_is_known_as_a_whole_only() -> None:
     """The rig's yield force at 1 A is 50 + 400 N, the simulator's 50 + 300 N: 150 N at no command do as well."""
     records = tuple(rig_tests("bingham", chosen=(2, 5, 8), duration=2.0))

@@ -14,9 +14,11 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, LAPSE, NUMBER
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ceiling import ceiling
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, hull
 from mrdamp.diagnosis.evidence.judgement import with_nearest
 from mrdamp.diagnosis.evidence.ties import unseen
 from mrdamp.diagnosis.evidence.verdict import Scored, by_causes, decide, lapse_of, of_cause
+from mrdamp.diagnosis.hypotheses.terms import Coordinate
 from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
@@ -277,3 +279,13 @@ def test_a_baseline_fixes_what_free_parameters_would_absorb(own: float, hidden: 
     search.own = own
     rows = {row["effect"] for row in unseen(search, search.base)}
     assert ("cubic" in rows) == hidden
+
+
+def test_a_regime_that_says_nothing_of_a_setting_does_not_widen_its_interval() -> None:
+    """Regimes with 2 to 4 and with the whole range of 1 to 100, beside 3 to 5 of all records."""
+    own = Coordinate("k", 10.0, 1.0, 100.0, 1.0, log=True)
+    some, none = (
+        RegimeEstimate("speed", 0.1, 0.2, ("a",), {"k": 3.0}, {"k": ends}, True, 0.2, 0.1)
+        for ends in ((2.0, 4.0), (1.0, 100.0))
+    )
+    assert hull([own], {"k": (3.0, 5.0)}, [some, none]) == {"k": (2.0, 5.0)}

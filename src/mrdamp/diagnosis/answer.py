@@ -313,7 +313,7 @@ def widened(
     """Intervals that contain those of all regimes for the causes' settings, if no fit reaches the noise."""
     out = dict(intervals)
     for term in _last_forms(chosen, final) if search.inexact else ():
-        out |= hull({c.name: out[c.name] for c in term.coordinates if c.name in out}, regimes_of[term.cause])
+        out |= hull(term.coordinates, out, regimes_of[term.cause])
     return out
 
 

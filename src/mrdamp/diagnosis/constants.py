@@ -40,6 +40,10 @@ OUTSIDE_PENALTY = 1.5
 #: clearance was named as a mount the factor is 11 (the largest of that form) or above 100; in the rigs with a compliant
 #: mount it is at most 4.
 CLEARANCE = 7.0
+#: A clearance whose half is less than this multiple of the travel that its ends give way by is a mount that hardens:
+#: .12 and .19 in two opened measured sets whose hardening mount was named as a clearance, 1.9 to 400 in fourteen with a
+#: clearance.
+ELASTIC = 0.6
 #: Share of answers that are wrong for a reason that none of the fits contains, such as a form that the
 #: catalogue lacks: 6 of 337 answers with a probability above .9 in two sealed tests that have since been
 #: opened.

@@ -6,7 +6,7 @@ compensates something else there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from mrdamp.diagnosis.constants import HIDDEN_BELOW
 from mrdamp.diagnosis.evidence.resample import Interval, spread
 from mrdamp.diagnosis.fits.least_squares import ROUGHLY, Fit, fit
 from mrdamp.diagnosis.fits.regimes import Grouping, groupings
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Term
 from mrdamp.diagnosis.problem.residuals import Problem
 
 #: Iterations of a regime's fit, which starts at the parameters of all records.
@@ -95,18 +95,28 @@ def _estimates(problem: Problem, found: Fit, term: Term) -> Iterator[RegimeEstim
             )
 
 
-def hull(intervals: Mapping[str, Interval], estimates: Sequence[RegimeEstimate]) -> dict[str, Interval]:
-    """Intervals of a cause's settings, widened to contain those of all regimes that determine them.
+def hull(
+    coordinates: Iterable[Coordinate], intervals: Mapping[str, Interval], estimates: Sequence[RegimeEstimate]
+) -> dict[str, Interval]:
+    """Intervals of a cause's settings, widened to contain those of all regimes that determine them: not of one whose
+    own interval is a coordinate's whole range.
 
     A wrong law moves a parameter by an amount that depends on the regime. The interval from all records shows noise and
     differences between records only: of 32 parameters of a sealed test with another law it contained 23, this one 27.
     """
     determined = [r.intervals for r in estimates if r.determined]
     out = {}
-    for name, (low, high) in intervals.items():
-        ends = [(low, high), *(of[name] for of in determined if name in of)]
-        out[name] = (min(end[0] for end in ends), max(end[1] for end in ends))
+    for c in (c for c in coordinates if c.name in intervals):
+        own = [of[c.name] for of in determined if c.name in of]
+        ends = [intervals[c.name], *(of for of in own if not _all_of(c, of))]
+        out[c.name] = (min(end[0] for end in ends), max(end[1] for end in ends))
     return out
+
+
+def _all_of(c: Coordinate, ends: Interval) -> bool:
+    """True if an interval is a coordinate's whole range, to a hundredth of it."""
+    low, high = c.bounds
+    return c.point(ends[1]) - c.point(ends[0]) > 0.99 * (high - low)
 
 
 def _range(grouping: Grouping, number: int) -> tuple[float | None, float | None]:

@@ -15,7 +15,7 @@ from itertools import chain
 
 import numpy as np
 
-from mrdamp.diagnosis.constants import CLEARANCE
+from mrdamp.diagnosis.constants import CLEARANCE, ELASTIC
 from mrdamp.diagnosis.hypotheses.current_effects import current_terms
 from mrdamp.diagnosis.hypotheses.fluid_effects import fluid_terms
 from mrdamp.diagnosis.hypotheses.terms import (
@@ -102,7 +102,8 @@ def _mount(s: Sizes) -> Iterator[Term]:
     letting_go = positive("loss", 1.0, 0.05, 20.0), positive("time", 0.03, 1e-3, 1.0)
     yield term("mount_compliance:letting go", (mount, *letting_go), (30 * k, 1.0, 0.03), (200 * k, 1.0, 0.03))
     backlash = positive("gap", 0.03 * x, 2e-4 * x, 0.5 * x), positive("k", 300 * k, 10 * k, 1e4 * k)
-    yield term("backlash", backlash, *((share * x, 300 * k) for share in (0.005, 0.02, 0.06)))
+    gaps = ((share * x, 300 * k) for share in (0.005, 0.02, 0.06))
+    yield term("backlash", backlash, *gaps, is_other=partial(_is_mount, f))
 
 
 def sensor_terms(size: float, dt: float, place: int | None = None) -> Iterator[Term]:
@@ -130,6 +131,11 @@ def _motion_terms(dt: float) -> Iterator[Term]:
     yield term("channel_shift", (linear("d", dt, -25 * dt, 25 * dt),), (2 * dt,), (-2 * dt,))
     yield term("motion_lag", (positive("tau", 2 * dt, 0.1 * dt, 25 * dt),), (2 * dt,))
     yield term("motion_lag:average", (positive("width", 10 * dt, dt, 100 * dt),), (10 * dt,), (40 * dt,))
+
+
+def _is_mount(force: float, settings: Settings) -> bool:
+    """True if half of a clearance is less than ELASTIC times what its ends give way by under the RMS force (N)."""
+    return 0.5 * settings["backlash_gap"] < ELASTIC * force / settings["backlash_k"]
 
 
 def _is_clearance(force: float, settings: Settings) -> bool:
