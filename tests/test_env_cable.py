@@ -65,6 +65,20 @@ def test_accelerometers_with_a_bandwidth_are_scipys_filter_of_the_mean_accelerat
     np.testing.assert_allclose(read, lfilter(*butter(2, 15.0, fs=200.0), mean, axis=0), atol=1e-9)
 
 
+def test_no_reading_is_cut_off() -> None:
+    """The accelerometer at the damper under a command that switches: what is observed is what is measured."""
+    task, pick = CableTask(1, loads=WindLoads(duration=2.0)), np.random.default_rng(0)
+    task.reset([0], [pick])
+    k = task.observer.signals.index("acceleration_1")
+    seen, measured = [], []
+    for _ in range(300):
+        step = task.step(np.sign(pick.uniform(-1, 1, (1, 1))))
+        seen.append(step.observation[0, k] * task.observer.scales[k])
+        measured.append(task.measured[0, task.rows.names.index("acceleration_1")])
+    assert np.max(np.abs(measured)) > 10.0  # m/s2
+    np.testing.assert_allclose(seen, measured, rtol=1e-5)
+
+
 def test_every_engine_step_is_pushed_along_the_loads_lines() -> None:
     """Also behind its end, where it stays as it is to the end of the control period and is none afterwards."""
     plant = CablePlant(period=5e-3, timestep=1e-3)

@@ -24,8 +24,8 @@ inline Real Recorded(const Params& p, Real x, Real v, Real a) {
 
 // An average is taken back on a grid of kGrid points in its duration, by least squares with a penalty on the curvature of
 // the correction: of the frequency 1 / width, which it erases, noise is raised by 1 / (2 kFaint) at most. Triangles at .5 to
-// .8 Hz averaged over .4 s lose two thirds of the error that the average makes, over .9 s half; finer grids gain nothing.
-// kRoom: doubles for each sample.
+// .8 Hz averaged over .4 s lose two thirds of the error that the average makes, over .9 s half; finer grids gain nothing;
+// a third of kFaint takes nine tenths off for twice the noise. kRoom: doubles for each sample.
 constexpr int kGrid = 8, kBand = 2 * kGrid, kRoom = 4 + kBand + 1;
 constexpr double kFaint = 0.03;
 
@@ -34,8 +34,11 @@ inline void AverageOf(double half, double* w) {
   const int whole = static_cast<int>(half);
   const double part = half - whole;
   for (int j = -kGrid; j <= kGrid; j++) {
-    const double x = std::fabs(j) - whole;  // beyond the last whole point
-    w[kGrid + j] = (x < 0 ? 1 : x == 0 ? (whole > 0 ? 0.5 : 0) + part * (1 - 0.5 * part) : x == 1 ? 0.5 * part * part : 0) / (2 * half);
+    const int beyond = (j < 0 ? -j : j) - whole;  // the last whole point
+    double weight = beyond < 0;
+    if (beyond == 0) weight = 0.5 * (whole > 0) + part * (1 - 0.5 * part);
+    if (beyond == 1) weight = 0.5 * part * part;
+    w[kGrid + j] = weight / (2 * half);
   }
   if (whole == 0) w[kGrid] *= 2;  // the end of both sides
 }
@@ -110,8 +113,8 @@ inline void Hasten(double tau, double dt, int n, double* x, double* v, double* a
   }
 }
 
-// The true motion x_true(t) = x_read(t + d), by cubic Hermite pieces, in the first of the kRoom n numbers of `store`, which the lane then
-// has. Beyond its ends the motion goes on at its velocity: to stand still there would be a jump.
+// The true motion x_true(t) = x_read(t + d), by cubic Hermite pieces, in the first of the kRoom n numbers of `store`, which
+// the lane then has. Beyond its ends the motion goes on at its velocity: to stand still there would be a jump.
 inline void TakeBack(double d, double tau, double width, double dt, double* store, MrdampLane* lane) {
   const int n = lane->n;
   double *x = store, *v = x + n, *a = v + n;
