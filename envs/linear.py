@@ -304,7 +304,7 @@ class LinearStructure(ByMatrices, metaclass=_Kind):
         state, push = np.zeros((len(w), 2 * n)), w[:-1] @ held.T + w[1:] @ ramp.T
         for k in range(len(push)):
             state[k + 1] = phi @ state[k] + push[k]
-        acceleration = state @ s.rate.T + (0.0 if s.absolute else w @ s.loaded.T)
+        acceleration = state @ s.rate.T + w[:, s.grounds :] @ s.loaded[:, s.grounds :].T
         moved = {"acceleration": acceleration @ self.at.T, "displacement": state[:, :n] @ self.at.T}
         places = list(self.places)
         columns = [(goal, moved[goal.of][:, places.index(goal.place)]) for goal in self.goals.values()]

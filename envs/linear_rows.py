@@ -78,8 +78,9 @@ class LinearRows(EngineRows):
     def _accelerations(self, qacc: Array, rows: NDArray[np.int64], steps: NDArray[np.int64]) -> Array:
         """(rows, k, places), as accelerometers read it, of qacc (rows, k, n) at steps (rows, k)."""
         s = self.structure.system
-        if s.absolute:
-            qacc = qacc - (self.plants.loads_at(rows, steps)[..., None, :] * s.loaded).sum(axis=-1)
+        if s.grounds:
+            ground = self.plants.loads_at(rows, steps)[..., None, : s.grounds]
+            qacc = qacc - (ground * s.loaded[:, : s.grounds]).sum(axis=-1)
         return self._somewhere(qacc)
 
     def _criteria(self, record: Mapping[str, Array]) -> Sequence[Array]:
@@ -106,7 +107,7 @@ class LinearChain(Chained, LinearRows):
     def _build(self) -> None:
         whole, s = self.structure, self.structure.system
         matrices = s.rate, s.loaded, s.stroke[None], s.push, whole.at
-        self._hold(ChainRows.linear(*matrices, whole.models, self.stepping, whole.whole, s.absolute))
+        self._hold(ChainRows.linear(*matrices, whole.models, self.stepping, whole.whole, s.grounds))
 
 
 class Accelerometers:

@@ -135,7 +135,8 @@ class Task:
         if self._own_noise:
             rows.seed(row, rng)
         given, own = rows.start(row, load), rows.of(row).structure
-        key = hashlib.blake2b(given.tobytes() + repr(drawn).encode(), digest_size=16).digest()
+        clock = load.duration, getattr(load, "sample_time", None)  # a road has none
+        key = hashlib.blake2b(given.tobytes() + repr((drawn, clock)).encode(), digest_size=16).digest()
         if key not in self._references:
             if len(self._references) >= _KEPT:
                 self._references.clear()

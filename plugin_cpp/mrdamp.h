@@ -184,7 +184,7 @@ typedef struct {
   const double* push;   /* coordinates x dampers */
   int places;           /* where motion is measured */
   const double* at;     /* places x coordinates, m per unit of each coordinate */
-  int absolute;         /* 1: coordinates are relative to a ground whose acceleration is the load; accelerometers are not */
+  int grounds;          /* of the loads, from the first on: accelerate the ground that coordinates are relative to */
   double mass;          /* reference of the mean squares of all coordinates; 0: criteria of each place instead */
 } mrdamp_linear;
 

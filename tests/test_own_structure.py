@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -87,23 +88,66 @@ def test_an_episode_has_a_period_for_every_instant_up_to_the_last_sample(
     assert seen[-1] == pytest.approx(-(2.5e-3 + (period * instants - 20e-3)), rel=0.03)
 
 
+class Single(LinearStructure):
+    """2 kg on 200 N/m, 10 rad/s, on a ground that moves."""
+
+    name, places = "single", {"mass": (1.0,)}
+    goals = {"drift": Goal("mass", "displacement", "peak"), "shaking": Goal("mass", "acceleration")}  # noqa: RUF012
+
+    def mechanics(self) -> Mechanics:
+        return Mechanics([[2.0]], [[0.0]], [[200.0]], [1.0], [[-2.0]], absolute=True)  # type: ignore[arg-type]
+
+    def damper(self) -> Model:
+        return dashpot(DASHPOT)
+
+    def loads(self) -> Any:
+        return None
+
+
+class Still:
+    """No motion is drawn."""
+
+    def draw(self, rng: Any) -> GroundMotion:
+        raise AssertionError
+
+
+class Pushed(Single):
+    """The same with a force on the mass, half of the ground's acceleration in size."""
+
+    def mechanics(self) -> Mechanics:
+        return replace(super().mechanics(), load=[[-2.0, 1.0]])
+
+    def forces(self, load: GroundMotion) -> Any:
+        return load.acceleration[:, None] * [1.0, 0.5]
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_an_accelerometer_feels_a_force_and_not_the_frame_of_reference(engine: str) -> None:
+    """Steps of the ground's acceleration a and of a force F: a + (F / m - a) cos w t to inertial space."""
+    ground, force = 1.5, 0.75 / 2
+    motion = GroundMotion("step", 1e-3, np.full(2 * 628 + 1, ground))
+    plant, seen = RowPlant(Pushed(dashpot(1e-6)), engine=engine, timestep=1e-4), []
+    plant.reset(motion)
+    while not plant.finished:
+        seen.append((plant.time, plant.step(0.0)["acceleration_mass"]))
+    time, found = np.array(seen[1:-1]).T  # a reading is that of the end of its period
+    wanted = ground + (force - ground) * np.cos(10 * (time + plant.period))
+    assert np.abs(found - wanted).max() < 0.01
+    assert Pushed().uncontrolled(motion)[1] == pytest.approx((force - ground) ** 2 / 2 + ground**2, rel=2e-3)
+
+
+def test_a_load_of_the_same_numbers_at_another_pace_has_its_own_reference() -> None:
+    """Of a step of .1 or .2 s and one control period."""
+    env: Any = gymnasium.make("mrdamp:mrdamp/Structure-v0", structure=Single, engine="chain", motions=Still())
+    for pace in (1e-3, 2e-3, 1e-3):
+        motion = GroundMotion("step", pace, np.full(101, 1.5))
+        info = env.reset(options={"motion": motion, "compression": 1})[1]
+        assert info["reference_drift"] == pytest.approx(1.5 / 100 * (1 - np.cos(10 * (100 * pace + 5e-3))), rel=1e-3)
+
+
 def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
     """Without a damper under a ground acceleration a that sets in: displacement 2 m a / k, acceleration 2 a, RMS by
     a^2 (1 - cos w t)^2, 3/2 a^2 over whole periods."""
-
-    class Single(LinearStructure):
-        name, places = "single", {"mass": (1.0,)}
-        goals = {"drift": Goal("mass", "displacement", "peak"), "shaking": Goal("mass", "acceleration")}  # noqa: RUF012
-
-        def mechanics(self) -> Mechanics:
-            return Mechanics([[2.0]], [[0.0]], [[200.0]], [1.0], [[-2.0]], absolute=True)  # type: ignore[arg-type]
-
-        def damper(self) -> Model:
-            return dashpot(DASHPOT)
-
-        def loads(self) -> Any:
-            return None
-
     many = round(10 * 2 * np.pi / 10 / 1e-3)
     drift, shaking = Single().uncontrolled(GroundMotion("step", 1e-3, np.full(many + 1, 1.5)))
     assert drift == pytest.approx(2 * 1.5 / 100.0, rel=1e-3)

@@ -79,9 +79,9 @@ mrdamp_rows* mrdamp_rows_linear(const mrdamp_linear* linear, const mrdamp_damper
   std::vector<Damper> made;
   const mrdamp_linear& s = *linear;
   const int n = s.coordinates;
-  if (n < 1 || n > 500 || s.loads < 1 || s.places < 0) {
+  if (n < 1 || n > 500 || s.loads < 1 || s.places < 0 || s.grounds < 0 || s.grounds > s.loads) {
     Fail(err, err_size, std::to_string(n) + " coordinates, " + std::to_string(s.loads) + " loads, " + std::to_string(s.places) +
-                            " places; allowed are 1 to 500, 1 or more, 0 or more");
+                            " places, " + std::to_string(s.grounds) + " loads of the ground; allowed are 1 to 500, 1 or more, 0 or more, 0 to all");
     return nullptr;
   }
   if (!ReadDampers(*dampers, period, steps, 1, &plan, &made, err, err_size)) return nullptr;
@@ -103,7 +103,7 @@ mrdamp_rows* mrdamp_rows_linear(const mrdamp_linear* linear, const mrdamp_damper
     Fail(err, err_size, "the structure's matrices must be finite, and its mass at least 0");
     return nullptr;
   }
-  plan.loaded = !s.absolute;
+  plan.grounds = s.grounds;
   plan.peaks = false;
   plan.each = s.mass == 0;
   if (!plan.each) plan.square = 1 / s.mass;

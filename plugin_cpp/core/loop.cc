@@ -12,7 +12,7 @@ Loop::Loop(const Linear& linear, const RowsPlan& plan, const Sparse& place, cons
            const std::vector<SensorParams>& accelerometers)
     : linear_(linear), plan_(plan), dampers_(dampers), accelerometers_(accelerometers), place_(place), drift_(drift),
       assembly_(linear, dampers, plan.storeys, true), sensors_(dampers.size()), floors_(accelerometers.size()),
-      load0_(linear.loads()), load1_(linear.loads()), forces_(linear.elements()), rate_(linear.n()), before_(linear.n()),
+      load0_(linear.loads()), load1_(linear.loads()), felt_(linear.loads()), forces_(linear.elements()), rate_(linear.n()), before_(linear.n()),
       from_(2 * linear.n()), current_(dampers.size()), filter_(plan.sections.size() / 5 * 2), each_(plan.each ? 4 * plan.place.n : 0), command_(dampers.size()),
       measured_(measurements()) {
   for (const Damper& d : dampers) readings_.push_back(SensorParams::Of(d.p));
@@ -68,10 +68,11 @@ void Loop::LoadAt(const MrdampRow* rows, double step, Real* out) const {
   }
 }
 
-// Rates of the coordinates' velocities at present; load0 holds the load.
+// Accelerations that accelerometers feel at present; load0 holds the load.
 void Loop::Rates() {
   for (std::size_t j = 0; j < forces_.size(); j++) forces_[j] = assembly_.elements[j].force;
-  linear_.Rates<Real>(assembly_.q.data(), forces_.data(), plan_.loaded ? load0_.data() : nullptr, rate_.data());
+  for (int l = 0; l < linear_.loads(); l++) felt_[l] = l < plan_.grounds ? Real(0) : load0_[l];
+  linear_.Rates<Real>(assembly_.q.data(), forces_.data(), felt_.data(), rate_.data());
 }
 
 // Adds the step's start: square of the filtered acceleration, of the load on the tyre over that at rest less one, of the
@@ -137,11 +138,8 @@ void Loop::Measure(const MrdampRow* rows, const double* noise) {
     Real acceleration = 0;
     if (Misread(d.p)) {
       for (int i = 0; i < n; i++) acceleration += plan_.system.stroke(k, i) * rate_[i];
-      // A frame's coordinates are relative to the ground, its accelerometers are not.
-      if (!plan_.loaded) {
-        for (int i = 0; i < n; i++) {
-          for (int l = 0; l < linear_.loads(); l++) acceleration += plan_.system.stroke(k, i) * plan_.system.load(i, l) * load0_[l];
-        }
+      for (int i = 0; i < n; i++) {
+        for (int l = 0; l < plan_.grounds; l++) acceleration += plan_.system.stroke(k, i) * plan_.system.load(i, l) * load0_[l];
       }
     }
     at[k] = sensors_[k].Read(readings_[k]);

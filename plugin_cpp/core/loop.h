@@ -17,9 +17,10 @@ struct RowsPlan {
   double period = 0;  // s, of control
   int steps = 1;      // per period
   int instants = 1;   // of a step at which criteria are evaluated, from its start
-  // Points of measurement: places x n, and whether their accelerometers see the load's acceleration.
+  // Points of measurement: places x n, and how many loads, from the first on, accelerate the ground that coordinates are
+  // relative to: accelerometers are not.
   Matrix place{0, 0};
-  bool loaded = false;
+  int grounds = 1;
   Matrix drift{0, 0};  // drifts x n, also measured
   // Criteria: largest |drift| and |acceleration|, or mean squares of the coordinates and of their accelerations, or,
   // if there are `sections`, those of a ride: b0 b1 b2 a1 a2 of each section of a filter of the second place's
@@ -67,7 +68,7 @@ class Loop {
   const Sparse &place_, &drift_;
   Assembly assembly_;
   std::vector<Sensor> sensors_, floors_;
-  std::vector<Real> load0_, load1_, forces_;
+  std::vector<Real> load0_, load1_, felt_, forces_;
   std::vector<Real> rate_, before_, from_, current_;  // present rates; three of the step's start
   std::vector<Real> filter_;  // of a ride: two for each section
   std::vector<Real> each_;    // of every place: mean squares and peaks of acceleration, then of displacement

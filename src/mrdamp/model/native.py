@@ -79,7 +79,7 @@ class LinearStructure(ctypes.Structure):
         *((name, double_p) for name in ("rate", "load", "stroke", "push")),
         ("places", ctypes.c_int),
         ("at", double_p),
-        ("absolute", ctypes.c_int),
+        ("grounds", ctypes.c_int),
         ("mass", ctypes.c_double),
     )
 

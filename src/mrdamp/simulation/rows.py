@@ -170,18 +170,18 @@ class ChainRows:
     @classmethod
     def linear(
         cls, rate: Array, load: Array, stroke: Array, push: Array, at: Array, models: Sequence[Model],
-        stepping: Stepping, mass: float = 0.0, absolute: bool = False,
+        stepping: Stepping, mass: float = 0.0, grounds: int = 0,
     ) -> ChainRows:  # fmt: skip
         """Linear structures q'' = rate [q; q'] + load w + push f with m dampers, f (N) their tension, under loads w.
 
         rate (n, 2n), load (n, k), stroke (m, n) of the dampers per unit of the coordinates, push (n, m), at (p, n) of
         the places of measurement. mass: kg, reference of the criteria; 0: those of each place, see `mrdamp.h`.
-        absolute: the coordinates are relative to a ground whose acceleration is the load.
+        grounds: loads, from the first on, that are accelerations of the ground that the coordinates are relative to.
         """
         arrays = [np.ascontiguousarray(a, dtype=np.float64) for a in (rate, load, stroke, push, at)]
         n, loads, places = len(rate), arrays[1].shape[1], len(at)
-        given = LinearStructure(n, loads, *map(pointer, arrays[:4]), places, pointer(arrays[4]), absolute, mass)
-        made = rate, load, stroke, push, at, models, stepping, mass, absolute
+        given = LinearStructure(n, loads, *map(pointer, arrays[:4]), places, pointer(arrays[4]), grounds, mass)
+        made = rate, load, stroke, push, at, models, stepping, mass, grounds
         return cls("linear", made, given, (stepping.period, stepping.inner), models, stepping, loads, n)
 
     @classmethod

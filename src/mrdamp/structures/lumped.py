@@ -292,7 +292,7 @@ _ROUNDING = 1e-9  # of poles, over the largest
 class Mechanics:
     """mass, damping, stiffness (n, n): kg, N s/m, N/m. stroke (n,): of the damper per unit of the coordinates. load
     (n, k): N on the coordinates per unit of each load; absolute: the coordinates are relative to a ground whose
-    acceleration is the load, accelerometers then read q'' and the ground's. Raises InputError."""
+    acceleration is the first load, accelerometers then read q'' and the ground's. Raises InputError."""
 
     mass: FloatArray
     damping: FloatArray
@@ -340,6 +340,11 @@ class Mechanics:
                     "mechanics: damping is negative: without the damper the structure is unstable, a motion grows with "
                     f"{poles.real.max():.3g} 1/s"
                 )
+
+    @property
+    def grounds(self) -> int:
+        """Loads, from the first on, that are the ground's acceleration."""
+        return int(self.absolute)
 
     @cached_property
     def rate(self) -> FloatArray:
