@@ -115,7 +115,7 @@ class Pushed(Single):
     """The same with a force on the mass, half of the ground's acceleration in size."""
 
     def mechanics(self) -> Mechanics:
-        return replace(super().mechanics(), load=[[-2.0, 1.0]])
+        return replace(super().mechanics(), load=np.array([[-2.0, 1.0]]))
 
     def forces(self, load: GroundMotion) -> Any:
         return load.acceleration[:, None] * [1.0, 0.5]

@@ -41,6 +41,7 @@ void Start(const Damper& d, State* s, Real x, Real v, Real u) {
   u = Either(d.p.command_start, u);
   c.coil.Start(d.p, d.Clamp(u));
   c.magnet.Start(d.p, d.Acting(d.Clamp(u)));
+  c.field = FieldNow(d, c);
   c.heat = c.body = d.p.heating_start;
   if (Is(d.law).slow) c.r = d.p.start_r;
   c.piston = x;
@@ -56,7 +57,7 @@ void Start(const Damper& d, State* s, Real x, Real v, Real u) {
     s->line->Push(-DelayLine::Spacing(reach), first, reach);  // before the command at 0, which may be another
     s->line->Push(0, first, reach);
   }
-  if (d.law == Law::kNarx) Narx::Start(*d.net, s->past, Head(x), Head(c.piston_velocity), Head(FieldNow(d, c)));
+  if (d.law == Law::kNarx) Narx::Start(*d.net, s->past, Head(x), Head(c.piston_velocity), Head(c.field));
 }
 
 void Advance(const Damper& d, State* s, const Motion& m, Real u0, Real u1) {
@@ -88,16 +89,17 @@ void Advance(const Damper& d, State* s, const Motion& m, Real u0, Real u1) {
     k += to == grid;
     ChainState& c = s->c;
     const double dt = to - from;
-    const Real before = d.Acting(c.coil.current), field0 = FieldNow(d, c);
+    const Real before = d.Acting(c.coil.current), field0 = c.field;
     const Real mean = d.Acting(c.coil.Step(p, first, last, dt)), after = d.Acting(c.coil.current);
     Magnet middle = c.magnet;
     if (Head(p.remanence_b) > 0) {
       middle.Follow(p, before, mean);
       c.magnet.Follow(p, before, after);
     }
-    const Real field1 = FieldNow(d, c);
+    if (!All(after == before)) c.field = FieldNow(d, c);
+    const Real field1 = c.field;
     // A straight field of the same mean and end: a fast lag bends it, without one it jumps at the piece's start.
-    const Real start = 2 * FieldOf(p, mean, middle.branch) - field1;
+    const Real start = All(mean == after) ? field1 : 2 * FieldOf(p, mean, middle.branch) - field1;
     const Real va = m.v0 + shift + (m.v1 - m.v0) * (from / m.dt), vb = m.v0 + shift + (m.v1 - m.v0) * (to / m.dt);
     const Piece piece{x, va, vb, dt};
     if (jumps && !HasLag(p) && !mount && !HasPocket(p)) c.r += InnerJump(d, c, x, piece.va, field0, field1, dt);
@@ -121,9 +123,10 @@ struct Magnetised {
 Magnetised Commanded(const Damper& d, const State& s, Real u, Side side) {
   const Params& p = d.p;
   const ChainState& c = s.c;
-  if (HasLag(p)) return {c.coil.current, FieldNow(d, c)};
+  if (HasLag(p)) return {c.coil.current, c.field};
   Real now = d.Clamp(u);
   if (HasDelay(p) && s.line) now = Arrived(*s.line, p, Head(c.time) - (side == kBefore ? 2 * kSame : 0), d.hold);
+  if (All(now == c.coil.current)) return {now, c.field};
   const Real acting = d.Acting(now);
   if (!(Head(p.remanence_b) > 0)) return {now, FieldOf(p, acting, c.magnet.branch)};
   Magnet magnet = c.magnet;

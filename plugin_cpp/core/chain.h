@@ -41,6 +41,7 @@ struct ChainState {
   Real time = 0;             // s since the start; read of the first lane alone
   Coil coil;                   // the driver's lag
   Magnet magnet;               // remanence
+  Real field = 0;              // of the coil's current
   Real heat = 0, body = 0;   // K, of the fluid and of the housing
   Real z = 0, r = 0;         // Bouc-Wen z and x - y; or Gavin's g and g'
   Mechanics mechanics;       // seal friction
@@ -67,11 +68,16 @@ struct State {
 struct Held {
 #ifdef MRDAMP_LANES
   State* s;
-  Mask here;
-  ChainState kept = s->c;
+  Mask out;
+  bool some = Any(out);
+  alignas(ChainState) unsigned char kept[sizeof(ChainState)];  // as a ChainState it would be made of zeros first
 
-  Held(State* state, Mask where) : s(state), here(where) {}
-  ~Held() { Keep(!here, &s->c, kept); }
+  Held(State* state, Mask here) : s(state), out(!here) {
+    if (some) std::memcpy(kept, &s->c, sizeof kept);
+  }
+  ~Held() {
+    if (some) Keep(out, &s->c, *reinterpret_cast<const ChainState*>(kept));
+  }
 #else
   Held(State*, Mask) {}
 #endif

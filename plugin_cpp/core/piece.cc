@@ -287,7 +287,7 @@ Real Rest(const Damper& d, const State& s, Real x) {
     Real slope;
     if (Is(d.law).inner) at.c.z = piston;
     at.c.stroke.turn = at.c.stroke.extreme = at.c.stroke.last = piston;
-    return PistonForce(d, at, FieldNow(d, s.c), piston, 0, &slope) - s.c.elastomer.Force(d.p, x - piston);
+    return PistonForce(d, at, s.c.field, piston, 0, &slope) - s.c.elastomer.Force(d.p, x - piston);
   };
   return SolveIncreasing(left, x, MountStiffness(d.p), 1e-9 * fabs(left(x, true)) + 1e-12);
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <string>
 #include <utility>
 
@@ -30,7 +31,7 @@ constexpr double kStart = 0.02, kMoving = 0.05, kMiddle = 0.02, kNear = 0.1, kPa
 
 void RunPack(const Job* const* jobs, int count, int lanes, int ncol, const int* columns) {
   MrdampLane lane[8];
-  std::vector<double> moved[8];
+  std::unique_ptr<double[]> moved[8];
   Damper plain[8];
   const double dt = jobs[0]->record->dt;
   for (int k = 0; k < count; k++) {
@@ -39,8 +40,8 @@ void RunPack(const Job* const* jobs, int count, int lanes, int ncol, const int* 
     plain[k] = *job.d;
     lane[k] = {plain[k].p.data(), r.n, r.x, r.v, r.a, r.u, job.before.from, job.before.to, job.out};
     if (const Params& p = job.d->p; Misread(p)) {
-      moved[k].resize(kRoom * static_cast<std::size_t>(r.n));
-      TakeBack(p.channel_shift_d, p.motion_lag_tau, p.motion_lag_width, dt, moved[k].data(), &lane[k]);
+      moved[k].reset(new double[static_cast<std::size_t>(r.n) * (p.motion_lag_width > 0 ? kRoom : kMotion)]);
+      TakeBack(p.channel_shift_d, p.motion_lag_tau, p.motion_lag_width, dt, moved[k].get(), &lane[k]);
     }
   }
   const MrdampPack* pack = count > 1 ? PackFor({plain[0]}, lanes) : nullptr;

@@ -25,8 +25,8 @@ inline Real Recorded(const Params& p, Real x, Real v, Real a) {
 // An average is taken back on a grid of kGrid points in its duration, by least squares with a penalty on the curvature of
 // the correction: of the frequency 1 / width, which it erases, noise is raised by 1 / (2 kFaint) at most. Triangles at .5 to
 // .8 Hz averaged over .4 s lose two thirds of the error that the average makes, over .9 s half; finer grids gain nothing;
-// a third of kFaint takes nine tenths off for twice the noise. kRoom: doubles for each sample.
-constexpr int kGrid = 8, kBand = 2 * kGrid, kRoom = 4 + kBand + 1;
+// a third of kFaint takes nine tenths off for twice the noise. kRoom: doubles for each sample; without an average kMotion.
+constexpr int kGrid = 8, kBand = 2 * kGrid, kMotion = 3, kRoom = kMotion + 1 + kBand + 1;
 constexpr double kFaint = 0.03;
 
 // Weights of the points -kGrid to kGrid in an average of straight lines over 2 `half` points.

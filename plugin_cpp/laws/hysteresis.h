@@ -65,8 +65,10 @@ inline Real FollowLinear(Real u, Real A, Real B, Real s, Real* left) {
 // the error of a step goes with u'^2 and the cube of its length. The rest at u < 0 with beta > gamma is unstable.
 inline Real FollowGeneral(Real u, Real A, Real beta, Real gamma, Real n, Real s) {
   const Real sum = beta + gamma;
-  const Real reach = Select(sum > 0, Root(A / sum, n) / A, s);
-  const Real step = Select(reach > 0, 0.08 * reach, s);  // A may give no such path
+  // Most paths are shorter than that step: n is at least 1, and the smaller of A / sum and 1 not above the root of A / sum.
+  const bool brief = All(sum > 0 && s * A < 0.0799 * min(A / sum, 1.0));
+  const Real reach = brief ? s : Select(sum > 0, Root(A / sum, n) / A, s);
+  const Real step = brief ? s : Select(reach > 0, 0.08 * reach, s);  // A may give no such path
   Mask open = s > 0;
   for (int i = 0; i < 200 && Any(open); i++) {
     const Real k = beta + Select(u < 0, -gamma, gamma);
@@ -74,9 +76,12 @@ inline Real FollowGeneral(Real u, Real A, Real beta, Real gamma, Real n, Real s)
     const Real power = pow(a, n - 1);
     const Real f = A - k * power * a;
     const Real slope = -k * n * power * Select(u < 0, -1, 1);
-    const Real rate = fmin(fabs(f / A), 1);
-    const Real most = Select(rate * s < 1e-6 * reach, s, step * pow(rate, -2.0 / 3));
-    const Real ds = fmin(s, Select(slope > 0, step, most));
+    Real ds = s;
+    if (Any(open && s > step)) {
+      const Real rate = fmin(fabs(f / A), 1);
+      const Real most = Select(rate * s < 1e-6 * reach, s, step * pow(rate, -2.0 / 3));
+      ds = fmin(s, Select(slope > 0, step, most));
+    }
     const Real x = slope * ds;
     u = Select(open, u + ds * f * Select(fabs(x) < 1e-8, 1 + 0.5 * x, expm1(x) / x), u);
     s -= ds;
