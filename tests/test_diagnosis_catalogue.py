@@ -18,6 +18,7 @@ from mrdamp.diagnosis.evidence.verdict import by_causes, decide, of_fit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.sampled_delay import sampled_delays, try_sampled_delay
+from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms
 from mrdamp.diagnosis.hypotheses.frame_effects import structure_coordinates
@@ -282,3 +283,24 @@ def test_a_lag_under_a_held_command_is_a_plain_one() -> None:
     assert found.corrected.hold
     assert [(e.effect, set(e.parameters)) for e in found.effects] == [("driver_lag", {"tau"})]
     assert found.effects[0].parameters["tau"] == pytest.approx(0.008, rel=0.01)
+
+
+def test_the_duration_of_an_average_is_found_behind_its_walls() -> None:
+    """A dashpot in random motion, whose displacement is averaged over 16 samples and has noise: a sum of sines, each
+    times its sinc, also beyond the frequency that the average erases."""
+    rng, dt, width = np.random.default_rng(3), 1e-3, 16e-3
+    t, w = dt * np.arange(6000), 2 * np.pi * np.arange(0.5, 90.0, 0.5)
+    phasor = 0.01 * (rng.standard_normal(len(w)) + 1j * rng.standard_normal(len(w))) / (1 + (w / 20) ** 1.5)
+    waves = np.exp(1j * np.outer(t, w))
+    x, v = (waves @ (phasor * np.sinc(w * width / (2 * np.pi)))).real, (waves @ (1j * w * phasor)).real
+    channels = {
+        "displacement_m": x + 2e-6 * rng.standard_normal(len(t)),
+        "command": np.zeros_like(t),
+        "force_N": 500 * v + 2.0 * rng.standard_normal(len(t)),
+    }
+    rig = DamperRig(Model("bingham", BINGHAM | {"fya": 0.0}), (Record("random", None, dt, channels),)).with_motion()
+    search = Search(Problem(rig, coarse=True), 1e-6, Limits(base=0))
+    terms = [term for term in rig.terms if term.name == "motion_lag:average"]
+    (best,) = screen(search, search.fits[False, frozenset()], terms)
+    found = search.fitted(*search.start_from(search.fits[False, frozenset()], best.term, best.start), most=15)
+    assert found.settings["motion_lag_width"] == pytest.approx(width, rel=0.03)
