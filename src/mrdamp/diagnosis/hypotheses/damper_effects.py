@@ -131,7 +131,7 @@ def _motion_terms(dt: float) -> Iterator[Term]:
     yield term("channel_shift", (linear("d", dt, -25 * dt, 25 * dt),), (2 * dt,), (-2 * dt,))
     yield term("motion_lag", (positive("tau", 2 * dt, 0.1 * dt, 25 * dt),), (2 * dt,))
     # An average that is taken back over a tenth too much fits worse than none: its valley is narrow, with walls.
-    starts = ((float(width),) for width in dt * np.geomspace(3, 90, 31))
+    starts = ((float(width),) for width in dt * np.geomspace(1.5, 90, 37))
     yield term("motion_lag:average", (positive("width", 10 * dt, dt, 100 * dt),), *starts)
 
 
