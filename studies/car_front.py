@@ -56,7 +56,7 @@ def main() -> int:
             values = [
                 bench.values(bench.run(spec, road, 1.0), bench.run(UNCONTROLLED, road, 1.0)) for road in roads
             ]
-            kept[key] = np.mean([[v["load"], v["comfort"]] for v in values], axis=0).tolist()
+            kept[key] = np.mean([[v["load_ratio"], v["comfort"]] for v in values], axis=0).tolist()
             KEPT.parent.mkdir(exist_ok=True)
             write_atomic(KEPT, json.dumps(kept))
         print(f"{spec[-60:]}: load {kept[key][0]:.4f}, acceleration {kept[key][1]:.4f}", flush=True)

@@ -224,7 +224,7 @@ def _rows(n: int, load: CableLoad) -> ChainRows:
 def test_what_is_to_come_of_a_car_is_that_of_runs_of_a_linear_one() -> None:
     """Differences between states, from runs step by step to rest behind the road's end."""
     rng = np.random.default_rng(0)
-    periods, inner, done, slopes = 200, 5, 63, {"comfort": 2.0, "load": 30.0}
+    periods, inner, done, slopes = 200, 5, 63, {"comfort": 2.0, "load_ratio": 30.0}
     pushes = rng.standard_normal(periods * inner)
     x = rng.standard_normal((3, 12)) * ([0.01] * 2 + [0.1] * 2 + [0.1] * 8)
     rows = Rows(x[:, :2], x[:, 2:4], x[:, 4:])

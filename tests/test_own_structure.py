@@ -16,8 +16,9 @@ import mrdamp
 from env_arguments import OWN, dashpot
 from knowing import Watching
 from mrdamp.compare.benches import bench_of
-from mrdamp.compare.comparison import compare
-from mrdamp.compare.contenders import contenders
+from mrdamp.compare.comparison import Comparison, compare
+from mrdamp.compare.contenders import Contender, contenders
+from mrdamp.compare.tables import means, runs_csv
 from mrdamp.control.policy import Policy
 from mrdamp.envs import Goal, LinearStructure, Mechanics
 from mrdamp.envs.linear import own_kind
@@ -216,7 +217,24 @@ def test_forces_that_are_none_get_one_line(forces: Any, message: str) -> None:
     refuses(lambda: RowPlant(Pushed()).reset(load), f"odd: {message}")
 
 
+ONE = np.ones((1, 1, 1))
 SHIPPED = next((Path(mrdamp.__file__).parent / "data/policies/frame/learned").glob("*.json"))
+
+
+@pytest.mark.parametrize("structure", ["frame", "cable", "car", OWN])
+def test_no_table_has_a_column_twice(structure: str) -> None:
+    bench = bench_of(structure, engine="chain")
+    row = Contender("passive-off", ("passive-off",))
+    result = Comparison((row,), bench.measures, ("a",), (1.0,), {row.name: {m.key: ONE for m in bench.measures}})
+    assert set(bench.objective) <= {m.key for m in bench.measures}
+    for heads in (means(result, bench).heads, runs_csv(result).splitlines()[0].split(",")):
+        assert len(set(heads)) == len(heads)
+
+
+def test_a_goal_of_a_columns_name_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "named.py"
+    file.write_text(Path(OWN.rpartition(":")[0]).read_text().replace('"shaking"', '"load"'))
+    refuses(lambda: bench_of(f"{file}:Isolated", engine="chain"), "goal 'load' is the name of another column")
 
 
 @pytest.mark.parametrize("structure", ["cable", "car", "own"])

@@ -293,7 +293,7 @@ def test_shipped_policies_of_the_car_are_five_different_seeds_that_ride_better_t
 
     def ratios(spec: str) -> Array:
         values = [bench.values(bench.run(spec, road, 1.0), free) for road, free in zip(roads, linear, strict=True)]
-        return np.array([np.mean([v[name] for v in values]) for name in ("comfort", "load")])
+        return np.array([np.mean([v[name] for v in values]) for name in ("comfort", "load_ratio")])
 
     both, comfortable = (np.array([ratios(spec) for spec in row.specs]) for row in rows)
     assert len(set(np.concatenate([both, comfortable])[:, 0].tolist())) == 10

@@ -83,7 +83,7 @@ class Tables:
         return _compared(self.work / "cable", CableBench(), ("motion",))
 
     def car(self) -> str | None:
-        return _compared(self.work / "car", CarBench(), ("comfort", "load"))
+        return _compared(self.work / "car", CarBench(), ("comfort", "load_ratio"))
 
     def unseen(self) -> str:
         result = self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""]

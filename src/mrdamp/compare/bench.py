@@ -50,6 +50,9 @@ class Measure:
     ratio: bool = False
 
 
+#: What names a run in tables, before its measures.
+RUN = ("controller", "seed", "load", "amplitude")
+
 #: What ratios are over on a structure with a damper more or less.
 WITHOUT = "the structure without a damper"
 
@@ -218,7 +221,9 @@ class Bench(ABC):
         its weight."""
         weights = self.structure.criteria(**self.structure.scored)
         whole = sum(weights.values())
-        return {name.removesuffix("_ratio"): (name, weight / whole) for name, weight in weights.items()}
+        keys = [m.key for m in self.measures]
+        named = {name: name if name in keys else name.removesuffix("_ratio") for name in weights}
+        return {named[name]: (name, weight / whole) for name, weight in weights.items()}
 
     @property
     def command_max(self) -> float:

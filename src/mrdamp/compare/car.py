@@ -51,7 +51,7 @@ class CarBench(PlantBench):
     reference: ClassVar[str] = "the linear suspension, a dashpot of .3 of critical"
     measures: ClassVar[tuple[Measure, ...]] = (
         Measure("comfort", "weighted acceleration", ratio=True),
-        Measure("load", "dynamic tyre load", ratio=True),
+        Measure("load_ratio", "dynamic tyre load", ratio=True),
         Measure("stroke", "RMS stroke", ratio=True),
         Measure("acceleration", "weighted acceleration (m/s2)"),
         Measure("load_share", "dynamic tyre load over static"),
@@ -61,16 +61,16 @@ class CarBench(PlantBench):
         Measure("dissipated_energy", "dissipated (J)"),
     )
     headline: ClassVar[tuple[str, ...]] = (
-        "comfort", "load", "stroke", "airborne", "mean_command", "switching_rate",
+        "comfort", "load_ratio", "stroke", "airborne", "mean_command", "switching_rate",
     )  # fmt: skip
-    claimed: ClassVar[tuple[str, ...]] = ("comfort", "load", "mean_command")
+    claimed: ClassVar[tuple[str, ...]] = ("comfort", "load_ratio", "mean_command")
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
     #: The largest command makes the suspension nearly rigid: the way to a bound begins at none.
     base: ClassVar[str] = "passive-off"
     #: The trade-off that is tuned for, and one near comfort alone; its weights are a choice.
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {
-        "clairvoyant": {"comfort": 0.5, "load": 0.5},
-        "clairvoyant-comfort": {"comfort": 0.9, "load": 0.1},
+        "clairvoyant": {"comfort": 0.5, "load_ratio": 0.5},
+        "clairvoyant-comfort": {"comfort": 0.9, "load_ratio": 0.1},
     }
 
     @property
@@ -104,6 +104,7 @@ class CarBench(PlantBench):
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         ratios = {key: math.sqrt(kept[key] / uncontrolled[key]) for key in PERIOD[:3]}
         own = {"acceleration": math.sqrt(kept["comfort"]), "load_share": math.sqrt(kept["load"])}
+        own["load_ratio"] = ratios.pop("load")
         return {**kept, **own, **ratios, "airborne": 100 * kept["airborne"]}
 
     def effort(self, kind: str) -> tuple[int, int]:
@@ -148,7 +149,7 @@ class CarBench(PlantBench):
             plants, total = rows(1).plants, np.zeros(len(PERIOD))
             for command in commands:
                 total += plants.advance(np.array([[command]]))[0][0]
-            return {key: math.sqrt(total[k] / periods / linear[key]) for key, k in _COLUMNS.items()}
+            return {key: math.sqrt(total[k] / periods / linear[PERIOD[k]]) for key, k in _COLUMNS.items()}
 
         def beam(width: int, dashpot: float, slopes: Mapping[str, float]) -> Array:
             to_come = car_to_come(self.car, pushes, first.plants.inner, periods, slopes, dashpot)
@@ -165,7 +166,7 @@ class CarBench(PlantBench):
             values: list[float] = []
             for width in WIDTHS:
                 at = found[0][1] if found else dict.fromkeys(weights, 1.0)
-                slopes = {key: w / (2 * at[key] * linear[key]) for key, w in weights.items()}
+                slopes = {key: w / (2 * at[key] * linear[PERIOD[_COLUMNS[key]]]) for key, w in weights.items()}
                 for dashpot in dashpots:
                     commands = beam(width, dashpot, slopes)
                     reached = ratios(commands)
@@ -185,7 +186,7 @@ _STEP = 1e-3  # s, of the chain at most
 _DASHPOTS = (0.15, 0.25, 0.35)
 #: Commands over the largest: fine where the damper is near a passive suspension's. Other ones were not tried.
 _LEVELS = (0.0, 0.025, 0.05, 0.1, 0.2, 0.4, 1.0)
-_COLUMNS = {key: PERIOD.index(key) for key in ("comfort", "load")}
+_COLUMNS = {"comfort": PERIOD.index("comfort"), "load_ratio": PERIOD.index("load")}
 
 
 def car_to_come(
@@ -194,7 +195,7 @@ def car_to_come(
     """Of the car with a dashpot in the damper's place and a tyre that holds contact, on the road.
 
     pushes: (steps,) of the road's acceleration, m/s2, means over the chain's steps; inner: steps a period; slopes: of
-    the period's means, `comfort` and `load`; dashpot: over the critical one.
+    the period's means, `comfort` and `load_ratio`; dashpot: over the critical one.
     """
     a, b, out = weighted_car(car, dashpot * car.critical_damping, _STEP)
     cost = sum(s / inner * np.outer(out[key], out[key]) for key, s in slopes.items())
@@ -209,7 +210,7 @@ def weighted_car(car: QuarterCar, dashpot: float, step: float) -> tuple[Array, A
     """Discrete a (12, 12) and b (12,) of the car with its weighting filter, from the road's acceleration.
 
     Returns them and rows (12,) of the weighted acceleration (`comfort`, m/s2) and the tyre load over its static value,
-    less one (`load`).
+    less one (`load_ratio`).
 
     dashpot: N s/m in the damper's place; step: s. States: heights of wheel and body over the road, their rates, and the
     filter's states in the order of `mrdamp.simulation.rows.ChainRows.weighting`.
@@ -234,4 +235,4 @@ def weighted_car(car: QuarterCar, dashpot: float, step: float) -> tuple[Array, A
         a[one] = b1 * signal - a1 * passed + unit[two]
         a[two] = b2 * signal - a2 * passed
         signal = passed
-    return a, b, {"comfort": signal, "load": np.append(-tyre / car.weight, np.zeros(STATES))}
+    return a, b, {"comfort": signal, "load_ratio": np.append(-tyre / car.weight, np.zeros(STATES))}

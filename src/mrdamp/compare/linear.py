@@ -16,7 +16,7 @@ import numpy as np
 from scipy.signal import cont2discrete
 
 from mrdamp.compare.beam import ToCome, judged, search, started
-from mrdamp.compare.bench import ELECTRIC, TUNED, UNCONTROLLED, WINDOW, Measure, PlantBench, PlantRun
+from mrdamp.compare.bench import ELECTRIC, RUN, TUNED, UNCONTROLLED, WINDOW, Measure, PlantBench, PlantRun
 from mrdamp.control.lqg import plant_of
 from mrdamp.control.told import knowledge
 from mrdamp.envs.cable import Cable, cable_damper, free_run
@@ -147,6 +147,9 @@ class GoalBench(PlantBench):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        columns = [*RUN, *(m.key for m in self.measures)]
+        if taken := [name for name in self.structure.goals if columns.count(name) > 1]:
+            raise InputError(f"goal {taken[0]!r} is the name of another column of a comparison; allowed: one of its own")
         if self.engine == "mujoco":
             self.structure.mjcf(self.timestep)  # raises where there is none, before a run
 

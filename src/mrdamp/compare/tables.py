@@ -8,7 +8,7 @@ import math
 from collections.abc import Container, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from mrdamp.compare.bench import Bench
+from mrdamp.compare.bench import RUN, Bench
 from mrdamp.compare.comparison import Comparison, Summary, difference
 from mrdamp.files import csv_text
 
@@ -211,7 +211,7 @@ def runs_csv(result: Comparison) -> str:
         values = zip(*(result.values[c.name][m.key].ravel() for m in result.measures), strict=True)
         for (seed, load, amplitude), row in zip(cases, values, strict=True):
             lines.append((c.name, str(seed), load, f"{amplitude:g}", *map(_plain, row)))
-    return csv_text(("controller", "seed", "load", "amplitude", *(m.key for m in result.measures)), lines)
+    return csv_text((*RUN, *(m.key for m in result.measures)), lines)
 
 
 def to_json(result: Comparison, unit: str, about: str) -> str:
