@@ -142,6 +142,22 @@ def test_wrong_arguments_are_told_in_a_line(call: str, said: str, capsys: pytest
     assert text.count("\n") == 1
 
 
+def test_a_list_that_is_given_again_goes_on() -> None:
+    (commands,) = (a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
+    lists = [
+        (command, action)
+        for command in commands.choices.values()
+        for action in command._actions
+        if action.option_strings and action.nargs in ("+", "*")
+    ]
+    assert len(lists) > 12
+    for command, action in lists:
+        given = argparse.Namespace(**{action.dest: action.default})
+        for values in (["a"], ["b", "c"]):
+            action(command, given, values, action.option_strings[0])
+        assert getattr(given, action.dest) == ["a", "b", "c"], (command.prog, action.dest)
+
+
 @pytest.mark.slow
 def test_the_demo_runs_and_goes_on_where_it_was(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

@@ -32,8 +32,23 @@ def seed(text: str) -> int:
     return value
 
 
+class _Store(argparse._StoreAction):
+    """What an option takes; a list that is given again goes on."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: str | None = None
+    ) -> None:
+        before = getattr(namespace, self.dest, self.default)
+        again = self.option_strings and self.nargs in ("+", "*") and before is not self.default
+        super().__call__(parser, namespace, [*before, *values] if again else values, option)
+
+
 class Parser(argparse.ArgumentParser):
     """Tells wrong arguments in one line, as everything else is told."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.register("action", None, _Store)
 
     def error(self, message: str) -> NoReturn:
         """Ends with exit code 2."""

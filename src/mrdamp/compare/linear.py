@@ -149,7 +149,7 @@ class GoalBench(PlantBench):
         super().__post_init__()
         columns = [*RUN, *(m.key for m in self.measures)]
         if taken := [name for name in self.structure.goals if columns.count(name) > 1]:
-            raise InputError(f"goal {taken[0]!r} is the name of another column of a comparison; allowed: one of its own")
+            raise InputError(f"goal {taken[0]!r}: another column of a comparison has this name; allowed: another one")
         if self.engine == "mujoco":
             self.structure.mjcf(self.timestep)  # raises where there is none, before a run
 
