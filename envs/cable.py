@@ -283,13 +283,13 @@ class CableEnv(PlantEnv):
 
     With the defaults:
 
-    | Num | Observation | Min | Max | Name (in the XML file) | Place | Unit before scaling |
-    |-----|-------------|-----|-----|------------------------|-------|------|
-    | 0 | acceleration across the chord | -20 | 20 | of the modes | at the damper | m/s2 |
-    | 1 | acceleration across the chord | -20 | 20 | of the modes | five times as far from the anchorage | m/s2 |
-    | 2 | stroke of the damper | -20 | 20 | stroke | at the damper | m |
-    | 3 | force of the damper, by its own sensor | -20 | 20 | force | at the damper | N |
-    | 4 | command held in the period that ended | 0 | 1 | damper | | A or V |
+    | Num | Observation | Name (in the XML file) | Place | Unit before scaling |
+    |-----|-------------|------------------------|-------|------|
+    | 0 | acceleration across the chord | of the modes | at the damper | m/s2 |
+    | 1 | acceleration across the chord | of the modes | five times as far from the anchorage | m/s2 |
+    | 2 | stroke of the damper | stroke | at the damper | m |
+    | 3 | force of the damper, by its own sensor | force | at the damper | N |
+    | 4 | command held in the period that ended | damper | | A or V |
 
     The accelerometers are ideal by default, and what they read hangs on the number of modes
     (docs/reference/environments.md). `signals=["acceleration_2", "stroke", "stroke_velocity", "force"], bandwidth=62.5`

@@ -277,13 +277,13 @@ class CarEnv(PlantEnv):
 
     With the defaults:
 
-    | Num | Observation | Min | Max | Name (in the XML file) | Joint | Unit before scaling |
-    |-----|-------------|-----|-----|------------------------|-------|------|
-    | 0 | vertical acceleration of the body | -20 | 20 | acceleration_2 | suspension | m/s2 |
-    | 1 | vertical acceleration of the wheel | -20 | 20 | acceleration_1 | tyre | m/s2 |
-    | 2 | stroke of the damper | -20 | 20 | stroke | suspension | m |
-    | 3 | force of the damper, by its own sensor | -20 | 20 | force | suspension | N |
-    | 4 | command held in the period that ended | 0 | 1 | damper | suspension | A or V |
+    | Num | Observation | Name (in the XML file) | Joint | Unit before scaling |
+    |-----|-------------|------------------------|-------|------|
+    | 0 | vertical acceleration of the body | acceleration_2 | suspension | m/s2 |
+    | 1 | vertical acceleration of the wheel | acceleration_1 | tyre | m/s2 |
+    | 2 | stroke of the damper | stroke | suspension | m |
+    | 3 | force of the damper, by its own sensor | force | suspension | N |
+    | 4 | command held in the period that ended | damper | suspension | A or V |
 
     Other `signals`: `displacement_j`, `velocity_j` (of wheel, 1, and body, 2, to the road), `drift_1` (deflection of
     the tyre, m), `drift_2`, `stroke_velocity`, `current`, `true_force`. `full_state=True` adds the stroke's velocity,

@@ -314,14 +314,14 @@ class FrameEnv(PlantEnv):
 
     With the defaults, three storeys and one damper:
 
-    | Num | Observation | Min | Max | Name (in the XML file) | Joint | Unit before scaling |
-    |-----|-------------|-----|-----|------------------------|-------|------|
-    | 0 | absolute acceleration of floor 1 | -20 | 20 | acceleration_1 | storey1 | m/s2 |
-    | 1 | absolute acceleration of floor 2 | -20 | 20 | acceleration_2 | storey2 | m/s2 |
-    | 2 | absolute acceleration of floor 3 | -20 | 20 | acceleration_3 | storey3 | m/s2 |
-    | 3 | stroke of the damper | -20 | 20 | stroke | storey1 | m |
-    | 4 | force of the damper, by its own sensor | -20 | 20 | force | storey1 | N |
-    | 5 | command held in the period that ended | 0 | 1 | damper | storey1 | A or V |
+    | Num | Observation | Name (in the XML file) | Joint | Unit before scaling |
+    |-----|-------------|------------------------|-------|------|
+    | 0 | absolute acceleration of floor 1 | acceleration_1 | storey1 | m/s2 |
+    | 1 | absolute acceleration of floor 2 | acceleration_2 | storey2 | m/s2 |
+    | 2 | absolute acceleration of floor 3 | acceleration_3 | storey3 | m/s2 |
+    | 3 | stroke of the damper | stroke | storey1 | m |
+    | 4 | force of the damper, by its own sensor | force | storey1 | N |
+    | 5 | command held in the period that ended | damper | storey1 | A or V |
 
     The scales are those of a strong motion; under the default motions the RMS is .1 to .3, with `normalise=True` about
     1. Other `signals`: `displacement_j`, `velocity_j` (floor to ground, m and m/s), `drift_j` (m), `stroke_velocity`

@@ -32,7 +32,7 @@ class PlantVecEnv(VecEnv):
 
     def __init__(self, task: Task) -> None:
         self.task = task
-        self.render_mode = None
+        self.render_mode = self.spec = None  # no id has made it
         self._rngs = [seeding.np_random(None)[0] for _ in range(task.n)]
         self._actions: NDArray[np.float32] = np.zeros((task.n, 1), np.float32)
         super().__init__(task.n, task.observation_space, task.action_space)
@@ -74,8 +74,8 @@ class PlantVecEnv(VecEnv):
         """Nothing to close."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Of the task; the rows have none of their own but `render_mode`."""
-        holder = self if attr_name == "render_mode" else self.task
+        """Of the task; the rows have none of their own but `render_mode` and `spec`."""
+        holder = self if attr_name in ("render_mode", "spec") else self.task
         return [getattr(holder, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:

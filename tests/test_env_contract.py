@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import pickle
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -33,6 +34,7 @@ from mrdamp.envs import (
     SyntheticMotions,
     default_damper,
 )
+from mrdamp.envs.plant_env import PlantEnv
 from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv, StructureVectorEnv
 from mrdamp.model import Effect, Model
 from mrdamp.motions import GroundMotion
@@ -162,6 +164,17 @@ def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
     same(found, other.step(np.ones(1)))
 
 
+def test_the_limits_that_are_told_are_those_of_the_space() -> None:
+    """In one place, for all environments."""
+    told = re.search(r"`Box\((-\d+), (\d+), \(history", PlantEnv.__doc__ or "")
+    assert told
+    for kind in (FrameEnv, CableEnv, CarEnv):
+        space: Any = kind().observation_space
+        assert (space.low == float(told[1])).all()
+        assert (space.high == float(told[2])).all()
+        assert not re.search(r"\| *(Min|-?\d+) *\| *(Max|\d+) *\|", kind.__doc__ or "")
+
+
 @pytest.mark.parametrize(
     ("make", "arguments", "options", "message"),
     [
@@ -173,6 +186,7 @@ def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
         (FrameEnv, {"period": 1e-9}, {}, "period is 1e-09; allowed: 1e-05 to 10 s"),
         (FrameEnv, {}, 5, "reset: options is 5; allowed: options by name"),
         (FrameEnv, {"signals": ("acceleration_9",)}, {}, "acceleration_9"),
+        (FrameEnv, {"observer": {}}, {}, "observer: it has no signals; allowed: what "),
         (FrameEnv, {"reward": {"drifts": 1.0}}, {}, "'drifts' is unknown"),
         (FrameEnv, {"reward": {"reference": "passive-on"}, "damper_between": [(0, 1), (1, 2)]}, {}, "one damper"),
         (FrameEnv, {"randomise": {"stifness": (0.9, 1.1)}}, {}, "'stifness' is unknown.*nearest: stiffness"),

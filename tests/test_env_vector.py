@@ -171,6 +171,8 @@ def test_stable_baselines_rows_are_single_environments(kind: str) -> None:
         for x, y in zip(a[3], b[3], strict=True):
             assert set(x) == set(y)
             assert all(np.array_equal(x[key], y[key]) for key in x)
+    for name in ("spec", "render_mode"):  # of environments that were made without an id
+        assert loop.get_attr(name) == batch.get_attr(name)
     assert vec.VecNormalize(vec.VecMonitor(batch)).reset().shape == (N, *batch.observation_space.shape)
 
 

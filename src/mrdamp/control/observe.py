@@ -240,10 +240,13 @@ class Observer:
     def from_dict(cls, data: Mapping[str, Any]) -> Observer:
         """From `to_dict`. Raises InputError where an entry is missing or unknown."""
         try:
+            for needed in ("signals", "scales"):
+                if needed not in data:
+                    raise InputError(f"observer: it has no {needed}; allowed: what Observer.to_dict() gives")
             own = {"signals": tuple(data["signals"]), "scales": tuple(data["scales"])}
             held = data.get("filter")
             return cls(**{**data, **own, "filter": LinearFilter(**held) if held is not None else None})
-        except (TypeError, KeyError) as error:
+        except TypeError as error:
             raise InputError(f"observer: {error}") from None
 
 
