@@ -23,7 +23,7 @@ from torch import nn
 from mrdamp.control.policy import Memory, Network
 from mrdamp.errors import InputError
 
-_ACTIVATIONS = {"Tanh": "tanh", "ReLU": "relu", "ELU": "elu"}
+ACTIVATIONS = {"Tanh": "tanh", "ReLU": "relu", "ELU": "elu"}
 
 
 class Front(BaseFeaturesExtractor):
@@ -155,9 +155,9 @@ def network(policy: Any) -> Network:
             layers.append((_numbers(module.weight), _numbers(module.bias)))
         else:  # SAC with use_sde ends in a part that cuts its mean off, which has no name here
             found.add(type(module).__name__)
-    if len(found) > 1 or not found <= set(_ACTIVATIONS):
+    if len(found) > 1 or not found <= set(ACTIVATIONS):
         raise InputError(f"this actor cannot be exported: it holds {', '.join(sorted(found))}")
-    activation = _ACTIVATIONS[found.pop()] if found else "identity"
+    activation = ACTIVATIONS[found.pop()] if found else "identity"
     return Network(tuple(layers), activation, squash)
 
 

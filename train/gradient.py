@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import math
 import random
+from collections.abc import Callable, Mapping
 from inspect import signature
 from typing import Any
 
@@ -20,10 +22,10 @@ from torch import nn
 
 from mrdamp.control.policy import Memory, Network
 from mrdamp.envs.sb3 import PlantVecEnv
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_one_of
 from mrdamp.files import write_atomic
 from mrdamp.parallel import Progress
-from mrdamp.train.asymmetric import POLICIES, memory, network
+from mrdamp.train.asymmetric import ACTIVATIONS, POLICIES, memory, network
 from mrdamp.train.lessons import Drawn, Known, Lessons, PolicyAction, Whitened, known
 from mrdamp.train.run import Run, reading
 
@@ -36,6 +38,19 @@ _FIXED = ("venv", "class_attributes")
 _MEMORIES = ("replay_buffer", "_last_lstm_states")
 #: Of a state-dependent exploration: drawn before a rollout.
 _EXPLORATION = ("exploration_mat", "exploration_matrices")
+_ONE = "a whole number, 1 or more"
+#: Of a learner's arguments: in words, and whether a number is.
+_RANGES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
+    **dict.fromkeys(
+        ("batch_size", "buffer_size", "n_epochs", "n_steps", "policy_delay", "train_freq"),
+        (_ONE, lambda v: type(v) is int and v >= 1),
+    ),
+    "gradient_steps": (f"{_ONE}, or -1", lambda v: type(v) is int and (v >= 1 or v == -1)),
+    "learning_starts": ("a whole number, 0 or more", lambda v: type(v) is int and v >= 0),
+    **dict.fromkeys(("gamma", "tau"), ("a number above 0, up to 1", lambda v: 0 < v <= 1)),
+    "gae_lambda": ("0 to 1", lambda v: 0 <= v <= 1),
+    **dict.fromkeys(("learning_rate", "clip_range"), ("a number > 0", lambda v: 0 < v < math.inf)),
+}
 _SPREAD = 0.5  # of durations in the pool: up to so much longer or shorter
 _OFF_POLICY = ("ddpg", "sac", "td3")
 _FRESH = 0.1  # share of the newest actor in the mean over updates that is exported
@@ -172,7 +187,9 @@ class GradientRun(Run):
             raise InputError(f"{name}: freeze is for a2c, ppo and recurrent")
         policy_kwargs: dict[str, Any] = dict(chosen.policy_kwargs)
         if "activation_fn" in policy_kwargs:
-            policy_kwargs["activation_fn"] = getattr(nn, str(policy_kwargs["activation_fn"]))
+            chosen_one = str(policy_kwargs["activation_fn"])
+            require_one_of(f"{name}: policy_kwargs", ACTIVATIONS, activation_fn=chosen_one)
+            policy_kwargs["activation_fn"] = getattr(nn, chosen_one)
         given = dict(chosen.learner)
         rate = str(given.get("learning_rate", ""))
         if rate.startswith(_FALLING):
@@ -181,6 +198,10 @@ class GradientRun(Run):
             value = given.get(parameter.name)
             if isinstance(value, str) and isinstance(parameter.default, int | float):
                 raise InputError(f"{name}: hyperparameters: {parameter.name} is {value!r}; allowed: a number")
+            allowed, fits = _RANGES.get(parameter.name, ("", None))
+            number = value.start if isinstance(value, LinearSchedule) else value
+            if fits and number is not None and not (type(number) in (int, float) and fits(number)):
+                raise InputError(f"{name}: hyperparameters: {parameter.name} is {number!r}; allowed: {allowed}")
         if chosen.explore:
             if name not in _OFF_POLICY:
                 raise InputError(f"{name}: explore is for {', '.join(_OFF_POLICY)}")
