@@ -22,7 +22,7 @@ from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, coil, score
 from mrdamp.compare.contenders import shipped_policies
 from mrdamp.compare.linear import CableBench
-from mrdamp.compare.tables import differences_csv
+from mrdamp.compare.tables import differences_csv, runs_csv
 from mrdamp.control.registry import parse
 from mrdamp.errors import InputError
 from mrdamp.model import Effect
@@ -107,19 +107,21 @@ def test_an_outcome_is_what_the_run_says() -> None:
 
 
 def test_policies_are_seeds_and_what_they_command_is_held(tmp_path: Path) -> None:
-    for seed, action in ((1, 0.0), (2, 1.0)):
+    for seed, action in ((12, 0.0), (3, 1.0)):
         (tmp_path / f"seed_{seed}").mkdir()
         steady(tmp_path / f"seed_{seed}" / "policy.json", action)
     names = [f"mine=policy:{tmp_path}", "constant:value=1.125", "passive-on"]
     rows = contenders(BENCH, names, {})
     assert [row.learned for row in rows] == [True, False, False]
-    assert [Path(spec).parent.name for spec in rows[0].specs] == ["seed_1", "seed_2"]
+    assert [Path(spec).parent.name for spec in rows[0].specs] == ["seed_12", "seed_3"]
     result = compare(BENCH, rows, MOTIONS[:1], (1.0,))
     for key in ("J1", "J2", "mean_command", "coil_energy", "dissipated_energy"):
         one, two = (result.values[row.name][key][0, 0, 0] for row in rows[1:])
         np.testing.assert_allclose(result.values["mine"][key].ravel(), [one, two], rtol=1e-12)
     s = result.against("mine", "passive-on", "mean_command")
     assert [s.mean, s.low, s.high] == pytest.approx([-0.5625, -1.125, 0.0])
+    numbered = [(r["controller"], r["seed"]) for r in csv.DictReader(runs_csv(result).splitlines())]
+    assert numbered == [("mine", "12"), ("mine", "3"), (rows[1].name, "1"), ("passive-on", "1")]
     pairs = list(csv.DictReader(differences_csv(result).splitlines()))
     assert ("passive-on", "constant:value=1.125") in {(r["controller"], r["less"]) for r in pairs}
     told = {(r["less"], r["measure"]): r for r in pairs if r["controller"] == "mine"}
@@ -129,8 +131,12 @@ def test_policies_are_seeds_and_what_they_command_is_held(tmp_path: Path) -> Non
     assert both == pytest.approx((one + two) / 2, abs=1e-6)
     # Another file under the same name is another run.
     key = BENCH.key(rows[0].specs[0], MOTIONS[0], 1.0)
-    steady(tmp_path / "seed_1" / "policy.json", -1.0)
+    steady(tmp_path / "seed_12" / "policy.json", -1.0)
     assert BENCH.key(rows[0].specs[0], MOTIONS[0], 1.0) != key
+    # Of another training, which is no seed of this one; its length may be another, and an older one says less.
+    for seed, own in ((3, {"n_timesteps": 1, "loads": 3}), (12, {"n_timesteps": 2, "loads": 4, "switch": True})):
+        steady(tmp_path / f"seed_{seed}" / "policy.json", 0.1 * seed, about={"settings": own})
+    refuses(partial(contenders, BENCH, names, {}), "seed_3/policy.json: trained with another loads than ")
 
 
 def test_names_of_contenders() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,12 +13,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from env_arguments import OWN
 from mrdamp.cli import main
 from mrdamp.compare.contenders import shipped_policies
 from mrdamp.control.policy import Policy
-from mrdamp.train.learn import train
+from mrdamp.train.learn import points, train
+from mrdamp.train.run import Result
 from mrdamp.train.settings import ALGORITHMS, Options, settings
 from mrdamp.train.worlds import world
 from refusals import refuses
@@ -75,6 +79,40 @@ def test_a_training_of_a_file_that_has_changed_is_refused(tmp_path: Path) -> Non
     assert train(options, tmp_path / "out").curve
     file.write_text(text + "# changed\n")
     refuses(lambda: train(options, tmp_path / "out"), r"another content of .*mine\.py")
+
+
+def test_a_folder_holds_seeds_of_one_training_and_its_summary_all_of_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn, out = list[int](), tmp_path / "out"
+
+    def drawing(results: Sequence[Result]) -> Figure:
+        drawn.append(len(results))
+        return Figure()
+
+    monkeypatch.setattr("mrdamp.train.learn.curves", drawing)
+
+    def train_seed(seed: int, loads: int, *more: str) -> int:
+        few = ["population=4", "env_kwargs.timestep=0.005", f"loads={loads}"]
+        given = ["--algo", "es", "--timesteps", "100", "--evaluations", "1", "--set", *few, "--seed", str(seed), *more]
+        return main(["train", OWN, *given, "-o", str(out)])
+
+    assert train_seed(0, 2) == 0
+    for seed, loads, more, said in ((2, 3, (), "loads"), (2, 2, ("--timesteps", "200"), "n_timesteps")):
+        assert train_seed(seed, loads, *more) == 2
+        assert f"{out}: {said} is another one in seed_0; choose" in capsys.readouterr().err
+    assert [f.name for f in out.glob("seed_*")] == ["seed_0"]
+    assert train_seed(2, 2) == 0
+    (row,) = json.loads((out / "sweep.json").read_text())
+    assert [seed["seed"] for seed in row["seeds"]] == [0, 2]
+    assert drawn == [1, 2]
+
+
+def test_values_of_a_sweep_may_hold_commas_in_brackets() -> None:
+    found = points(["policy_kwargs.net_arch=[8],[16,16]", "env_kwargs.noise={a: 1, b: 2},null"])
+    nets, noises = ("[8]", "[16,16]"), ("{a: 1, b: 2}", "null")
+    assert found == [(f"policy_kwargs.net_arch={n}", f"env_kwargs.noise={m}") for n in nets for m in noises]
+    refuses(lambda: points(["a=[1,2],[1,2]"]), "a value is given twice")
 
 
 pytest.importorskip("stable_baselines3", reason="needs the extra train")
@@ -146,6 +184,28 @@ def test_what_would_learn_nothing_is_refused_with_the_number_that_is_needed(
 ) -> None:
     few = replace(options(algorithm, least), overrides=(*SMALL[algorithm], *more))
     refuses(lambda: train(few, tmp_path), f"{algorithm}: {least} control periods; allowed: more than {least}")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "override", "said"),
+    [
+        ("td3", "train_freq=0", "train_freq is 0; allowed: a whole number, 1 or more"),
+        ("sac", "policy_kwargs.activation_fn=Foo", "activation_fn is 'Foo'; allowed: Tanh, ReLU, ELU"),
+        ("sac", "batch_size=0", "batch_size is 0; allowed: a whole number, 1 or more"),
+        ("ppo", "batch_size=0", "batch_size is 0; allowed: a whole number, 1 or more"),
+        ("td3", "gamma=2", "gamma is 2; allowed: a number above 0, up to 1"),
+        ("ppo", "gamma=2", "gamma is 2; allowed: a number above 0, up to 1"),
+        ("sac", "gradient_steps=0", "gradient_steps is 0; allowed: a whole number, 1 or more, or -1"),
+        ("ppo", "n_epochs=1.5", "n_epochs is 1.5; allowed: a whole number, 1 or more"),
+        ("ppo", "learning_rate=linear_0", "learning_rate is 0.0; allowed: a number > 0"),
+    ],
+)
+def test_values_that_a_learner_cannot_use_are_named(
+    algorithm: str, override: str, said: str, tmp_path: Path
+) -> None:
+    few = replace(options("ppo", 32), algorithm=algorithm, overrides=("env_kwargs.timestep=0.005", override))
+    refuses(lambda: train(few, tmp_path), re.escape(f"{algorithm}: ") + ".*" + re.escape(said))
     assert not list(tmp_path.iterdir())
 
 

@@ -18,12 +18,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mrdamp.errors import InputError
-from mrdamp.files import write_atomic
+from mrdamp.files import differing, write_atomic
 from mrdamp.model.core import Array
 from mrdamp.parallel import Progress, mapped, silent
 from mrdamp.pictures import style
 from mrdamp.train.run import Result, Run, reading, require_policy
 from mrdamp.train.settings import Options, Settings, settings
+
+_CLAIM, _FINISHED = "options.json", "training.json"
+#: Options that are a seed's, or that the settings hold.
+_OWN = ("seed", "timesteps", "overrides", "hyperparameters")
 
 
 def train(options: Options, out: Path | str, progress: Progress | None = None) -> Result:
@@ -33,12 +37,9 @@ def train(options: Options, out: Path | str, progress: Progress | None = None) -
     training with other options.
     """
     out = Path(out)
-    chosen = settings(options)
-    own = json.loads(json.dumps({"options": options.to_dict(), "settings": asdict(chosen)}))
-    files = _files(options)
-    if files:
-        own["files"] = files
-    claim, finished = out / "options.json", out / "training.json"
+    chosen, own = settings(options), _claim(options)
+    files = own.get("files", {})
+    claim, finished = out / _CLAIM, out / _FINISHED
     held = _read(claim, "settings", "options") if claim.is_file() else own
     changed = [name for name, digest in files.items() if held.get("files", {}).get(name, digest) != digest]
     if changed:
@@ -46,9 +47,7 @@ def train(options: Options, out: Path | str, progress: Progress | None = None) -
     if _without_length(held) != _without_length(own) or chosen.n_timesteps < held["settings"]["n_timesteps"]:
         raise InputError(f"{out}: holds a training with other options, or a longer one; choose another folder")
     if finished.is_file() and held == own:
-        kept = _read(finished, "curve", "seconds")
-        require_policy(out)
-        return Result(out, tuple(kept["curve"]), kept["seconds"])
+        return _done(out)
     run = _run(options, chosen, out)
     out.mkdir(parents=True, exist_ok=True)
     finished.unlink(missing_ok=True)
@@ -57,6 +56,38 @@ def train(options: Options, out: Path | str, progress: Progress | None = None) -
     run.learn(progress or silent)
     write_atomic(finished, json.dumps({"curve": run.curve, "seconds": run.seconds()}, indent=1) + "\n")
     return Result(out, tuple(run.curve), run.seconds())
+
+
+def _claim(options: Options) -> dict[str, Any]:
+    """What a training's folder says of it."""
+    files = _files(options)
+    own = {"options": options.to_dict(), "settings": asdict(settings(options))} | ({"files": files} if files else {})
+    return dict(json.loads(json.dumps(own)))
+
+
+def _done(out: Path) -> Result:
+    kept = _read(out / _FINISHED, "curve", "seconds")
+    require_policy(out)
+    return Result(out, tuple(kept["curve"]), kept["seconds"])
+
+
+def _require_alike(options: Options, folder: Path, seeds: Sequence[int]) -> None:
+    """InputError where another seed in the folder has other options: `compare` takes all as seeds of one training.
+    Those of the seeds that are asked for may be shorter."""
+    own = _of_all_seeds(_claim(options))
+    for file in sorted(folder.glob(f"seed_*/{_CLAIM}")):
+        held = _of_all_seeds(_read(file, "settings", "options"))
+        if file.parent.name in {f"seed_{seed}" for seed in seeds}:
+            held["n_timesteps"] = own["n_timesteps"]
+        if (other := next(differing(held, own), None)) is not None:
+            name = other.removeprefix("learner.")
+            raise InputError(f"{folder}: {name} is another one in {file.parent.name}; choose another folder")
+
+
+def _of_all_seeds(claim: Mapping[str, Any]) -> dict[str, Any]:
+    """Without the seed, and what the settings hold."""
+    options = {name: v for name, v in claim["options"].items() if name not in _OWN}
+    return {**options, **claim["settings"], "content": claim.get("files", {})}
 
 
 def _read(file: Path, *needed: str) -> dict[str, Any]:
@@ -117,10 +148,14 @@ _EVERY = 1.0  # s, between two looks, and between two writings
 
 @dataclass(frozen=True)
 class Setting:
-    """One point of a sweep: its overrides, and the trainings of its seeds."""
+    """One point of a sweep: its overrides, and its trainings by seed."""
 
     overrides: tuple[str, ...]
-    results: tuple[Result, ...]
+    seeds: Mapping[int, Result]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        return tuple(self.seeds.values())
 
     def score(self) -> float:
         """Mean over seeds of the best validation score."""
@@ -131,13 +166,26 @@ def points(choices: Sequence[str]) -> list[tuple[str, ...]]:
     """Overrides of each point of the grid of `NAME=VALUE,VALUE,...`. Raises InputError."""
     axes = []
     for choice in choices:
-        name, equals, values = choice.partition("=")
-        if not equals or not all(values.split(",")):
+        name, equals, text = choice.partition("=")
+        values = _values(text)
+        if not equals or not all(values):
             raise InputError(f"sweep {choice!r}; allowed: NAME=VALUE,VALUE,...")
-        if len(set(values.split(","))) < len(values.split(",")):
+        if len(set(values)) < len(values):
             raise InputError(f"sweep {choice!r}: a value is given twice")
-        axes.append([f"{name}={value}" for value in values.split(",")])
+        axes.append([f"{name}={value}" for value in values])
     return list(itertools.product(*axes))
+
+
+def _values(text: str) -> list[str]:
+    """Between the commas that are outside of brackets."""
+    found, depth = [""], 0
+    for c in text:
+        depth += (c in "[{(") - (c in "]})")
+        if c == "," and depth == 0:
+            found.append("")
+        else:
+            found[-1] += c
+    return found
 
 
 def sweep(
@@ -150,8 +198,9 @@ def sweep(
 ) -> list[Setting]:
     """Trains every seed of every point of the grid into `out`, and writes sweep.json there.
 
-    Trainings that are done are taken as they are; the numbers do not depend on jobs. Raises InputError before the first
-    training where a point's hyperparameters are not allowed.
+    Trainings that are done are taken as they are, those of further seeds in the folders too; the numbers do not depend
+    on jobs. Raises InputError before the first training where a point's hyperparameters are not allowed, or where its
+    folder holds a seed with others.
     """
     grid = points(choices)
     tasks = []
@@ -159,6 +208,7 @@ def sweep(
         chosen = replace(options, overrides=(*options.overrides, *overrides))
         settings(chosen)
         folder = out / ",".join(value.replace("/", "-") for value in overrides) if choices else out
+        _require_alike(chosen, folder, seeds)
         tasks += [(replace(chosen, seed=seed), folder / f"seed_{seed}") for seed in seeds]
     if jobs == 1:
         results = list(mapped(train, [(*task, progress) for task in tasks]))
@@ -166,19 +216,28 @@ def sweep(
         with watched([folder for _, folder in tasks], progress):
             results = list(mapped(train, [(*task, Left(task[1])) for task in tasks], jobs))
     n = len(seeds)
-    found = [Setting(overrides, tuple(results[k * n : (k + 1) * n])) for k, overrides in enumerate(grid)]
+    found = [Setting(overrides, _seeds(results[k * n : (k + 1) * n])) for k, overrides in enumerate(grid)]
     rows = [
         {
             "overrides": list(point.overrides),
             "score": point.score(),
-            "seeds": [
-                {"seed": s, "seconds": r.seconds, **r.best} for s, r in zip(seeds, point.results, strict=True)
-            ],
+            "seeds": [{"seed": s, "seconds": r.seconds, **r.best} for s, r in point.seeds.items()],
         }
         for point in found
     ]
     write_atomic(out / "sweep.json", json.dumps(rows, indent=1) + "\n")
     return found
+
+
+def _seeds(results: Sequence[Result]) -> dict[int, Result]:
+    """Those of one point, and of further seeds in its folder whose trainings are done, in their order."""
+    known = {r.folder.name: r for r in results}
+    for file in results[0].folder.parent.glob(f"seed_*/{_FINISHED}"):
+        name = file.parent.name
+        if name not in known and name.removeprefix("seed_").isdecimal():
+            known[name] = _done(file.parent)
+    numbers = {int(name.removeprefix("seed_")): r for name, r in known.items()}
+    return dict(sorted(numbers.items()))
 
 
 @dataclass
@@ -196,7 +255,7 @@ class Left:
 
 def share(folder: Path) -> float:
     """Of the training in a folder: 0 before its first word, 1 when it is done."""
-    if (folder / "training.json").is_file():
+    if (folder / _FINISHED).is_file():
         return 1.0
     try:
         return float((folder / _FILE).read_text())

@@ -194,7 +194,8 @@ def train(
     chosen = Options(
         environment, algo, seeds[0], timesteps, yaml, tuple(overrides), damper, evaluations, tuple(map(Path, others))
     )
-    return sweep(chosen, Path(out), seeds, jobs=jobs, progress=progress)[0].results
+    (found,) = sweep(chosen, Path(out), seeds, jobs=jobs, progress=progress)
+    return tuple(found.seeds[seed] for seed in seeds)
 
 
 def _require_jobs(jobs: int) -> None:

@@ -10,7 +10,7 @@ import json
 import os
 import stat
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import IO, Any
@@ -135,6 +135,16 @@ def _refused(constant: str) -> float:
 def digest(of: Any) -> str:
     """16 hexadecimal digits of the SHA-256 of what JSON can hold."""
     return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def differing(one: Mapping[str, Any], other: Mapping[str, Any], within: str = "") -> Iterator[str]:
+    """Names of what is not alike in two mappings, `NAME.NAME` of what is in one within."""
+    for name in {**one, **other}:
+        a, b = one.get(name), other.get(name)
+        if isinstance(a, Mapping) and isinstance(b, Mapping):
+            yield from differing(a, b, f"{within}{name}.")
+        elif a != b:
+            yield f"{within}{name}"
 
 
 def csv_text(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:

@@ -342,14 +342,14 @@ def run_train(a: argparse.Namespace) -> int:
     with together():
         for point in found:
             asked = settings(replace(options, overrides=(*options.overrides, *point.overrides))).n_timesteps
-            _print(point, list(seeds), asked)
+            _print(point, asked)
         if len(found) > 1:
             named = {" ".join(point.overrides): point.results for point in found}
             save_picture(compared(named), a.out / "curves.png")
     return 0
 
 
-def _print(point: Trained, seeds: list[int], asked: int) -> None:
+def _print(point: Trained, asked: int) -> None:
     """asked: control periods."""
     from mrdamp.train.learn import curves
 
@@ -357,7 +357,7 @@ def _print(point: Trained, seeds: list[int], asked: int) -> None:
         print(f"{' '.join(point.overrides)}: mean score {point.score():.4f}")
     names = [name for name in point.results[0].best if name != "timesteps"]
     print(f"{'seed':>6s} {'periods':>10s} " + " ".join(f"{name:>18s}" for name in names) + f" {'CPU s':>8s}")
-    for seed, result in zip(seeds, point.results, strict=True):
+    for seed, result in point.seeds.items():
         best = result.best
         values = " ".join(f"{best[name]:18.4f}" for name in names)
         print(f"{seed:6d} {best['timesteps']:10.0f} {values} {result.seconds:8.0f}")

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.tuning import Setting
 from mrdamp.control import registry, told
 from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
-from mrdamp.files import digest
+from mrdamp.files import differing, digest
 
 _SUFFIXES = (".json", ".json.gz")
 
@@ -34,6 +36,13 @@ class Contender:
     @property
     def learned(self) -> bool:
         return self.specs[0].startswith(f"{registry.POLICY}:")
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Of the specs: those of their folders, or files, `seed_N`; else from 1."""
+        found = [re.search(r"\bseed_(\d+)(/policy)?\.json(\.gz)?$", spec) for spec in self.specs]
+        numbers = tuple(int(one[1]) for one in found if one)
+        return numbers if len(set(numbers)) == len(found) else tuple(range(1, len(found) + 1))
 
 
 def contenders(
@@ -102,12 +111,27 @@ def _contender(
 
 
 def _policies(name: str, files: Sequence[Path]) -> Contender:
-    periods = Policy.read(files[0]).about.get("timesteps")
+    policies = [Policy.read(file) for file in files]
+    periods, told = policies[0].about.get("timesteps"), _settings(policies[0])
     first: dict[str, Path] = {}
-    for file in files:
-        first.setdefault(digest([Policy.read(file).to_dict()]), file)
+    for file, policy in zip(files, policies, strict=True):
+        own = _settings(policy)
+        known = told.keys() & own.keys()  # a policy of an older version says less
+        if other := next(differing({k: told[k] for k in known}, {k: own[k] for k in known}), None):
+            raise InputError(
+                f"compare: {file}: trained with another {other.removeprefix('learner.')} than {files[0]}; allowed: "
+                "seeds of one training"
+            )
+        first.setdefault(digest([policy.to_dict()]), file)
     specs = tuple(f"{registry.POLICY}:{file}" for file in first.values())
     return Contender(name, specs, periods=periods, repeated=len(files) - len(specs))
+
+
+def _settings(policy: Policy) -> Mapping[str, Any]:
+    """What a policy says that it was trained with; nothing where it says nothing. A training that was extended may
+    keep its best policy, which tells the shorter length."""
+    found = policy.about.get("settings")
+    return {k: v for k, v in found.items() if k != "n_timesteps"} if isinstance(found, Mapping) else {}
 
 
 def _files(path: Path) -> tuple[Path, ...]:

@@ -204,10 +204,10 @@ def differences_csv(result: Comparison) -> str:
 
 
 def runs_csv(result: Comparison) -> str:
-    """One row a run: controller, seed (from 1), motion, amplitude and every measure."""
+    """One row a run: controller, seed (of `Contender.seeds`), motion, amplitude and every measure."""
     lines = []
     for c in result.contenders:
-        cases = itertools.product(range(1, len(c.specs) + 1), result.loads, result.amplitudes)
+        cases = itertools.product(c.seeds, result.loads, result.amplitudes)
         values = zip(*(result.values[c.name][m.key].ravel() for m in result.measures), strict=True)
         for (seed, load, amplitude), row in zip(cases, values, strict=True):
             lines.append((c.name, str(seed), load, f"{amplitude:g}", *map(_plain, row)))
