@@ -21,7 +21,7 @@ from mrdamp.control import registry
 from mrdamp.control.clipped_optimal import Lqg
 from mrdamp.control.lqg import Linear, first_order_hold, outputs_of, plant_of
 from mrdamp.envs.linear_rows import ByMatrices, LinearChain, LinearRows, forces_of
-from mrdamp.envs.loads import MotionSource, drawn, played
+from mrdamp.envs.loads import MotionSource, drawn, played, whole
 from mrdamp.envs.options import model_of
 from mrdamp.envs.plants import periods
 from mrdamp.envs.structure import Part, Total, Weights, largest_force, of_dampers
@@ -286,7 +286,7 @@ class LinearStructure(ByMatrices, metaclass=_Kind):
         given, compression = options.get(self.option), options.get("compression")
         if given is None:
             return drawn(source, rng)
-        return given if self.option != "motion" else played(given, compression)
+        return whole(given, f"{self.option} is") if self.option != "motion" else played(given, compression)
 
     def reference(self, given: Array, load: Any, task: Task) -> Array:
         return self.uncontrolled(load, task.rows.period)

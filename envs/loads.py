@@ -119,12 +119,16 @@ class MixedMotions:
 
 def drawn(source: Any, rng: np.random.Generator) -> Any:
     """A load of a source of one's own. Raises InputError where it lacks what a load has."""
-    load, needed = source.draw(rng), ("name", "duration", "sample_time", "scaled")
+    return whole(source.draw(rng), f"{type(source).__name__}: draw gives")
+
+
+def whole(load: Any, said: str) -> Any:
+    """A load of one's own. Raises InputError where it lacks what a load has."""
+    needed = ("name", "duration", "sample_time", "scaled")
     missing = [name for name in needed if not hasattr(load, name)]
     if missing:
-        own = type(source).__name__
-        raise InputError(f"{own}: draw gives a {type(load).__name__} without {missing[0]}; allowed: a load with "
-                         f"{', '.join(needed)}")
+        allowed = f"a load with {', '.join(needed)}"
+        raise InputError(f"{said} a {type(load).__name__} without {missing[0]}; allowed: {allowed}")
     return load
 
 

@@ -68,6 +68,12 @@ def test_a_clock_that_is_not_uniform_is_followed(steps: np.ndarray, told: tuple[
     assert record.time[-1] == pytest.approx(time[-1], abs=2.5e-3)
 
 
+def test_samples_that_are_missing_are_counted(tmp_path: Path) -> None:
+    found = converted(tmp_path / "a.csv", table(np.delete(EVEN, [100, 500, 501])))
+    assert found.missing == 3
+    assert found.steps == pytest.approx((2e-3, 6e-3))
+
+
 def test_a_rate(tmp_path: Path) -> None:
     own = converted(tmp_path / "a.csv", table(EVEN), COLUMNS[1:], 500.0).record
     np.testing.assert_allclose(own.time, EVEN, atol=1e-12)
@@ -276,6 +282,28 @@ def test_marks_between_thousands_are_refused(mark: str, separator: str, tmp_path
     plain = [[*row[:2], row[2].replace(mark, "").strip('"')] for row in rows]
     path.write_text("\n".join(separator.join(row) for row in [["t", "x", "f"], *plain]))
     assert np.abs(convert(path, columns).record.channel("force_N")).max() == 1200
+
+
+@pytest.mark.parametrize(
+    ("forces", "fine"),
+    [
+        (["851", "1.100", "999", "1.020"], False),  # whole newtons that jump about
+        (["4.851", "5.100", "4.999", "5.020"], False),  # the file's decimals have commas
+        (["4,851", "5,1", "4,999", "0,020"], True),
+        (["4,851", "5,100", "4,999", "5,020"], True),
+    ],
+)
+def test_a_mark_before_three_digits_is_read_by_what_else_the_file_holds(
+    forces: list[str], fine: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{0.01 * k:.2f};{0.002 * (k % 4):.3f};".replace(".", ",") + forces[k % 4] for k in range(40)]
+    path.write_text("\n".join(["t;x;f", *rows]))
+    columns = [column(c) for c in ("time_s=t", "displacement_m=x:mm", "command=0", "force_N=f")]
+    if fine:
+        assert convert(path, columns).record.channel("force_N")[0] == 4.851
+    else:
+        refuses(lambda: convert(path, columns), "numbers have no marks between their thousands")
 
 
 @pytest.mark.parametrize(

@@ -134,7 +134,8 @@ def test_broken_weights_are_named_in_one_line(row: tuple[str, str, str, str]) ->
     _, old, new, message = row
     text = NETWORKS["one layer"].text()
     assert old in text
-    refuses(lambda: core.Narx(text.replace(old, new, 1)), f"^NARX weights: .*{re.escape(message)}")
+    for reader in (core.Narx, lambda weights: Model("narx", {}, weights=weights)):
+        refuses(partial(reader, text.replace(old, new, 1)), f"^NARX weights: .*{re.escape(message)}")
 
 
 SMALL = ("--law", "narx", "--hidden", "4", "--lags", "1", "--initialisations", "1")

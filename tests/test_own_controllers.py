@@ -121,6 +121,7 @@ def test_runs_of_code_from_outside_are_not_kept(tmp_path: Path) -> None:
             number.write_text(str(value))
             bench = bench_of(what, engine="chain")
             (row,) = contenders(bench, [spec], {})
+            assert bench.continues is (what == "frame")
             found = compare(bench, [row], bench.unseen_loads()[:1], (0.1,), keep=tmp_path / "kept.jsonl")
             assert found.values[row.name]["mean_command"].item() == pytest.approx(value)
 

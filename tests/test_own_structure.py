@@ -199,6 +199,17 @@ def test_structures_that_are_none_get_one_line(tmp_path: Path, old: str, new: st
     refuses(lambda: own_kind(f"{file}:Isolated")(), message)
 
 
+def test_a_load_that_is_none_gets_one_line() -> None:
+    class Seat(Single):
+        option = "push"
+
+        def forces(self, load: Any) -> Any:
+            raise AssertionError
+
+    env: Any = gymnasium.make("mrdamp:mrdamp/Structure-v0", structure=Seat, engine="chain", motions=Still())
+    refuses(lambda: env.reset(options={"push": 1}), "push is a int without name; allowed: a load with name, duration")
+
+
 @pytest.mark.parametrize(
     ("forces", "message"),
     [

@@ -118,7 +118,7 @@ def _add_compare(commands: Any) -> None:
     add_jobs(p, default=-1)
     add_json(p)
     p.add_argument(
-        "-o", "--out", type=OutFolder, help="folder to write; an interrupted run continues"
+        "-o", "--out", type=OutFolder, help="folder to write; an interrupted run continues, but not a file.py:Class"
     )
 
 
@@ -171,10 +171,11 @@ def _compare(a: argparse.Namespace) -> str:
     loads = bench.read(a.motions, 20.0 if a.speed is None else a.speed) if a.motions else None
     for check in (said for load in loads or () if isinstance(load, GroundMotion) for said in doubtful(load)):
         print(f"check: {check}", file=sys.stderr)
+    keep = a.out / "kept.jsonl" if a.out and bench.continues else None
     with progress_bar() as progress:
         result, loads, settings = compared(
             bench, a.controllers, loads, a.amplitudes, tune=a.tune, tuned=a.out and a.out / "tuned.json",
-            percent=a.spread, bound=a.bound, jobs=a.jobs, keep=a.out and a.out / "kept.jsonl", progress=progress,
+            percent=a.spread, bound=a.bound, jobs=a.jobs, keep=keep, progress=progress,
         )  # fmt: skip
         about = _about(bench, result, settings)
         noted = " ".join([about, *(f"Note: {note}." for note in result.notes)])

@@ -98,7 +98,8 @@ def _summary(one: Converted) -> str:
     record = one.record
     text = f"{record.name}: {record.duration:.3g} s at {1 / record.sample_time:.6g} Hz"
     if one.steps is not None:
-        text += f" (the file's steps: {1e3 * one.steps[0]:.3g} to {1e3 * one.steps[1]:.3g} ms)"
+        bridged = f"; {one.missing} samples are missing, lines stand there" if one.missing else ""
+        text += f" (the file's steps: {1e3 * one.steps[0]:.3g} to {1e3 * one.steps[1]:.3g} ms{bridged})"
     ranges = (
         f"{name} {values.min():.3g} to {values.max():.3g}"
         for name, values in record.channels.items()

@@ -141,6 +141,8 @@ class Bench(ABC):
     reference: ClassVar[str] = WITHOUT
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
     base: ClassVar[str] = "passive-on"
+    #: Runs may be kept for the next call.
+    continues: ClassVar[bool] = True
     tuning_step: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:

@@ -109,6 +109,7 @@ class Model:
             raise InputError(f"{self.name}: {error}") from None
         if (self.law == "narx") != (self.weights is not None):
             raise InputError(f"{self.name}: law narx needs weights, and no other law has any")
+        _ = self.narx  # what is no network's text is refused here, before anything is written
 
     def _check_effect(self, effect: Effect) -> None:
         where = f"{self.name}: effect {effect.name}"

@@ -45,10 +45,12 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True)
 class Converted:
-    """A record. steps: the shortest and the longest (s) of a clock that was not uniform, else None."""
+    """A record. steps: the shortest and the longest (s) of a clock that was not uniform, else None. missing: samples
+    that it leaves out, in whole steps; lines stand there."""
 
     record: Record
     steps: tuple[float, float] | None = None
+    missing: int = 0
 
 
 def column(text: str) -> Column:
@@ -140,7 +142,8 @@ def convert(path: Path | str, columns: Sequence[Column], rate: float | None = No
         values = {name: np.interp(even, time, x) for name, x in values.items()}
     n = len(next(iter(values.values())))
     record = _record(path, stem, {"time_s": time[0] + step * np.arange(n), **values}, step)
-    return Converted(record if rate is None else record.resample(1.0 / rate), ends)
+    missing = int(np.maximum(np.rint(steps / np.median(steps)) - 1, 0).sum())
+    return Converted(record if rate is None else record.resample(1.0 / rate), ends, missing)
 
 
 def _constants(columns: Sequence[Column]) -> tuple[dict[str, float], list[Column]]:

@@ -112,8 +112,10 @@ def _values(
     for line, rows in blocks:
         plain = [_plain(row, separator, len(header)) for row in rows]
         parts.append(numbers(str(path), header, plain, picked, line, least=1))
+        columns = list(zip(*(_cells(row, separator) for row in rows), strict=False))
+        decimal = _decimal_marks([columns[column] for column in picked])
         for k, column in enumerate(picked):
-            _refuse_thousands(path, header[column], [_cells(row, separator)[column] for row in rows], parts[-1][:, k])
+            _refuse_thousands(path, header[column], columns[column], parts[-1][:, k], decimal)
         if stamped:
             stamps += _stamps(path, plain, line, header.index(time), time)
     if (n := sum(map(len, parts))) < 3:
@@ -123,18 +125,34 @@ def _values(
     return found | ({time: np.array([(s - stamps[0]).total_seconds() for s in stamps])} if stamped else {})
 
 
-#: A number with marks between its thousands, or with three decimals.
+#: A number with marks between its thousands, or with three decimals; one with decimals whatever the marks mean.
 _GROUPED = re.compile(r"[-+]?\d{1,3}([.,])\d{3}(\1\d{3})*")
+_DECIMAL = re.compile(r"[-+]?(?:0?|\d{4,}|\d+(?=[.,](?!\d{3}$)))([.,])\d*(?:[eE].*)?")
 
 
-def _refuse_thousands(path: Path, name: str, cells: Sequence[str], read: Array) -> None:
-    """Raises InputError for a column (n,) that is smoother if its grouped cells are thousands than as it was read."""
-    grouped = np.array([_GROUPED.fullmatch(cell) is not None for cell in cells])
-    if not grouped.any() or grouped.all():
+def _decimal_marks(columns: Sequence[Sequence[str]]) -> set[str]:
+    """The marks that stand before decimals."""
+    found = (_DECIMAL.fullmatch(cell) for cells in columns for cell in cells)
+    return {match[1] for match in found if match}
+
+
+def _refuse_thousands(path: Path, name: str, cells: Sequence[str], read: Array, decimal: set[str]) -> None:
+    """Raises InputError for a column (n,) whose grouped cells are, or may be, thousands: where the other mark stands
+    before all decimals of the file (`decimal`), its other cells are whole and below a thousand, or it is smoother so
+    than as it was read."""
+    matches = [_GROUPED.fullmatch(cell) for cell in cells]
+    grouped = np.array([match is not None for match in matches])
+    if not grouped.any():
         return
-    whole = [float(re.sub("[.,]", "", cell)) if g else 0.0 for cell, g in zip(cells, grouped, strict=True)]
-    thousands = np.where(grouped, whole, read)
-    if np.abs(np.diff(thousands)).max() < 0.5 * np.abs(np.diff(read)).max():
+    others = [cell for cell, match in zip(cells, matches, strict=True) if not match]
+    doubtful = bool(decimal) and decimal.isdisjoint(match[1] for match in matches if match)
+    if others and not _decimal_marks([cells]):
+        doubtful = doubtful or all(re.fullmatch(r"[-+]?\d{1,3}", cell) for cell in others)
+    if others and not doubtful:
+        whole = [float(re.sub("[.,]", "", cell)) if g else 0.0 for cell, g in zip(cells, grouped, strict=True)]
+        thousands = np.where(grouped, whole, read)
+        doubtful = bool(np.abs(np.diff(thousands)).max() < 0.5 * np.abs(np.diff(read)).max())
+    if doubtful:
         cell = cells[int(np.argmax(grouped))]
         raise InputError(f"{path}: {show(name)} holds {show(cell)}: numbers have no marks between their thousands")
 
