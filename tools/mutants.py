@@ -227,11 +227,11 @@ MUTANTS = (
     *_some("a structure of one's own", "src/mrdamp/structures/lumped.py", "own_structure",
            ("-np.linalg.solve(self.mass, np.hstack", "np.linalg.solve(self.mass, np.hstack"),
            ("(-np.linalg.solve(self.mass, self.stroke)", "(np.linalg.solve(self.mass, self.stroke)"),
-           ("self.stroke)[:, None])", "self.stroke)[:, None] * 0.5)")),
+           ("self.stroke)[:, None])", "self.stroke)[:, None] * 0.5)"),
+           ("return int(self.absolute)", "return int(not self.absolute)")),
     *_some("a structure of one's own", "envs/linear_rows.py", "own_structure",
            ("qacc = qacc - (ground", "qacc = qacc + (ground")),
     *_some("a structure of one's own", "envs/linear.py", "own_structure",
-           ("(0.0 if s.absolute else w", "(0.0 if not s.absolute else w"),
            ("np.trapezoid(x * x) /", "np.trapezoid(np.abs(x)) /")),
 )  # fmt: skip
 
