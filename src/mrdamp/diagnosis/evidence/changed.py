@@ -21,7 +21,7 @@ from mrdamp.diagnosis.fits.left_out import cells, folds, predicted, ratio
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings, Term
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.problem.rig import Rig
+from mrdamp.diagnosis.problem.rig import Rig, simulated_together
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 
@@ -70,11 +70,21 @@ class BothStates:
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         """See `Rig`."""
-        rig, own = self._at(record)
-        acting = [_acting(s, changed=rig is self.case) for s in settings]
-        distinct = list({tuple(s.items()): s for s in acting}.values())
-        runs = rig.simulate(distinct, own, coarse=coarse)
-        return runs[[distinct.index(s) for s in acting]]
+        return self.simulate_together(settings, [record], coarse=coarse)[0]
+
+    def simulate_together(
+        self, settings: Sequence[Settings], records: Sequence[int], *, coarse: bool = False
+    ) -> list[Array]:
+        """See `Together`."""
+        made: dict[int, Array] = {}
+        for rig in (self.case, self.baseline):
+            acting = [_acting(s, changed=rig is self.case) for s in settings]
+            distinct = list({tuple(s.items()): s for s in acting}.values())
+            order = [distinct.index(s) for s in acting]
+            own = {record: at for record in records for of, at in [self._at(record)] if of is rig}
+            runs = simulated_together(rig, distinct, list(own.values()), coarse=coarse)
+            made |= {record: run[order] for record, run in zip(own, runs, strict=True)}
+        return [made[record] for record in records]
 
     def rougher(self, terms: Sequence[Term]) -> None:
         """None: each fit has few steps."""

@@ -6,7 +6,7 @@ tenth of the cycle counts there, whatever the law misses in the rest.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,17 +57,25 @@ def folds(problem: Problem) -> list[Mask]:
 
 
 def predicted(problem: Problem, found: Fit, left: Sequence[Mask]) -> Array:
-    """Residuals (samples,) of each fold `left` at a fit made without it."""
+    """Residuals (samples,) of each fold `left` at a fit made without it; all are made together."""
     if not found.hypothesis.coordinates:
         return found.residual
     out = np.empty(problem.samples)
-    for mask in left:
-        out[mask] = refitted(problem, found, mask)[mask]
+    fits = [_refitted(found, mask) for mask in left]
+    trials = {k: next(one) for k, one in enumerate(fits)}
+    while trials:
+        rows = problem.residuals(found.hypothesis, np.array([*trials.values()]))
+        for k, row in zip([*trials], rows, strict=True):
+            try:
+                trials[k] = fits[k].send(row)
+            except StopIteration as end:
+                out[left[k]] = end.value[left[k]]
+                del trials[k]
     return out
 
 
-def refitted(problem: Problem, found: Fit, left: Mask) -> Array:
-    """Residuals (samples,) of a fit made again without the samples `left`.
+def _refitted(found: Fit, left: Mask) -> Generator[Array, Array, Array]:
+    """Residuals (samples,) of a fit made again without the samples `left`; asks for those of each trial.
 
     Gauss-Newton steps from the fit to all, with its Jacobian. A step that does not make the other samples better is
     tried again at a quarter of its length.
@@ -81,7 +89,7 @@ def refitted(problem: Problem, found: Fit, left: Mask) -> Array:
         step, before = gauss_newton(j, r[keep], prior, q, low, high, DAMPING), cost
         for _ in range(_RETRIES):
             trial = np.clip(q + step, low, high)
-            row = problem.residuals(found.hypothesis, trial)[0]
+            row = yield trial
             total = float(np.sum(row[keep] ** 2) + np.sum((prior * trial) ** 2))
             if total < cost:
                 q, r, cost = trial, row, total

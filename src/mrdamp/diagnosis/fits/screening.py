@@ -6,15 +6,17 @@ screening. It predicts which terms are worth a simulation.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from mrdamp.diagnosis.fits.beam import ScoreTest
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.table import FitTable
-from mrdamp.diagnosis.hypotheses.terms import Term
+from mrdamp.diagnosis.hypotheses.terms import Settings, Term
 from mrdamp.model.core import Array
 
 #: Largest scale factor of a signature in a screening.
@@ -26,6 +28,8 @@ _LOOKED_AT = 10
 #: The prediction is not used if free nominal parameters have changed by more than this (RMS, relative): a saturation
 #: that a measured rig has was then missed.
 _MOVED = 0.4
+#: Number of simulations made at once: vector units are full, and memory is moderate.
+_TOGETHER = 16
 
 
 def screen(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[ScoreTest]:
@@ -66,11 +70,17 @@ def _screened(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[ScoreT
     if rough is not table.problem and tasks:
         before = rough.residuals(found.hypothesis, found.point)[0]
 
-    def change(term: Term, k: int) -> Array:
-        hypothesis, point = table.start_from(found, term, k)
-        return np.asarray(rough.residuals(hypothesis, point)[0] - before)
+    def change(some: Sequence[tuple[tuple[str, int], Settings]]) -> list[tuple[tuple[str, int], Array]]:
+        rows = rough.of_settings([settings for _, settings in some]) - before
+        return [(of, row) for (of, _), row in zip(some, rows, strict=True)]
 
-    changes = {(term.name, k): d for (term, k), d in zip(tasks, table.map(change, tasks), strict=True)}
+    alike = defaultdict(list)  # settings of the same names take the same steps
+    for term, k in tasks:
+        hypothesis, point = table.start_from(found, term, k)
+        settings = hypothesis.settings(point)
+        alike[tuple(settings)].append(((term.name, k), settings))
+    parts = [(each[k : k + _TOGETHER],) for each in alike.values() for k in range(0, len(each), _TOGETHER)]
+    changes = dict(chain.from_iterable(table.map(change, parts)))
     if nominal:
         known.update(changes)
         changes = known

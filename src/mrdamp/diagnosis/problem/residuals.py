@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
-from mrdamp.diagnosis.problem.rig import Rig, Together
+from mrdamp.diagnosis.problem.rig import Rig, simulated_together
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 
@@ -134,15 +132,11 @@ class Problem:
         return out
 
     def _all_simulated(self, settings: Sequence[Settings]) -> list[Array]:
-        """Runs of all records at once or in parallel, so that a single fit uses all threads."""
         self.runs += len(settings) * len(self.records)
-        if isinstance(self.rig, Together):
-            with contextlib.suppress(InputError):  # which of them is found one by one
-                return self.rig.simulate_together(settings, self.records, coarse=self.coarse)
-        if self.rig.threads == 1 or len(self.records) == 1:
+        try:
+            return simulated_together(self.rig, settings, self.records, coarse=self.coarse)
+        except InputError:  # which of them is found one by one
             return [self._simulated(settings, k) for k in self.records]
-        with ThreadPoolExecutor(self.rig.threads) as pool:
-            return list(pool.map(lambda k: self._simulated(settings, k), self.records))
 
     def _simulated(self, settings: Sequence[Settings], record: int) -> Array:
         """Runs (sets, channels, n); NaN for settings outside the chain's limits (an unbounded hysteresis)."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
@@ -42,6 +43,18 @@ class Together(Protocol):
         self, settings: Sequence[Settings], records: Sequence[int], *, coarse: bool = False
     ) -> list[Array]:
         """`Rig.simulate` of each record."""
+
+
+def simulated_together(
+    rig: Rig, settings: Sequence[Settings], records: Sequence[int], *, coarse: bool = False
+) -> list[Array]:
+    """`Rig.simulate` of each record, all at once or in parallel, so that a single fit uses all threads."""
+    if isinstance(rig, Together):
+        return rig.simulate_together(settings, records, coarse=coarse)
+    if rig.threads == 1 or len(records) < 2:
+        return [rig.simulate(settings, k, coarse=coarse) for k in records]
+    with ThreadPoolExecutor(rig.threads) as pool:
+        return list(pool.map(lambda k: rig.simulate(settings, k, coarse=coarse), records))
 
 
 class Rig(Protocol):
