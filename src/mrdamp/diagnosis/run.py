@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import Any
 
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
@@ -16,6 +17,7 @@ from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
 from mrdamp.diagnosis.evidence.further import with_further, with_unnamed
 from mrdamp.diagnosis.evidence.judgement import likely, never_worse, with_nearest
 from mrdamp.diagnosis.fits.final import FinalFit, final_fit, least_left_out
+from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.frame_run import search_frame
 from mrdamp.diagnosis.problem.command_hold import with_hold
@@ -65,18 +67,23 @@ def concluded(found: Searched, progress: Progress = silent) -> Concluded:
     decision = since_baseline(search, found.baseline, fits, decision)
     progress("fitting the corrected simulator", 0.7)
 
-    def fitted() -> tuple[FinalFit, dict[str, tuple[RegimeEstimate, ...]]]:
-        final = final_fit(search, least_left_out(search, fits[decision.chosen.index]), rig=found.rig)
+    def fitted(*, fixed: bool = False) -> tuple[Fit, FinalFit, dict[str, tuple[RegimeEstimate, ...]]]:
+        chosen = least_left_out(search, fits[decision.chosen.index], fixed=fixed)
+        final = final_fit(search, chosen, rig=found.rig)
         causes = decision.chosen.causes if decision.verdict == "effect" else ()
-        return final, {cause: by_regime(final.problem, final.fit, cause) for cause in causes}
+        return chosen, final, {cause: by_regime(final.problem, final.fit, cause) for cause in causes}
 
-    final, regimes = fitted()
+    chosen, final, regimes = fitted()
     before, decision = decision.chosen, likely(search, decision, fits, regimes)
     if decision.chosen is not before:
-        final, regimes = fitted()
-    final, decision = never_worse(
-        search, fits, final, decision, baseline=found.baseline, uncovered=found.uncovered
-    )
+        chosen, final, regimes = fitted()
+    others: dict[str, Any] = {"baseline": found.baseline, "uncovered": found.uncovered}
+    checked = never_worse(search, fits, chosen, final, decision, **others)
+    if decision.verdict == "effect" != checked[1].verdict and chosen.hypothesis.nominal and found.uncovered:
+        # A law fitted to some regimes may fail in others, where the cause alone holds.
+        chosen, final, regimes = fitted(fixed=True)
+        checked = never_worse(search, fits, chosen, final, decision, **others)
+    final, decision = checked
     if decision.verdict == "effect" and search.missed:
         parent = least_left_out(search, fits[decision.chosen.index])
         more = with_unnamed(search, parent)

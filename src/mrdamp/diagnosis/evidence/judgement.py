@@ -22,7 +22,7 @@ from mrdamp.diagnosis.evidence.verdict import (
     of_parameters,
     with_lapse,
 )
-from mrdamp.diagnosis.fits.final import AGREEMENT, FinalFit, in_file, least_left_out, predicted_gap
+from mrdamp.diagnosis.fits.final import AGREEMENT, FinalFit, in_file, predicted_gap
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
@@ -134,11 +134,11 @@ def likely(
 
 
 def never_worse(
-    search: Search, fits: Sequence[Fit], final: FinalFit, decision: Decision, *,
+    search: Search, fits: Sequence[Fit], chosen: Fit, final: FinalFit, decision: Decision, *,
     baseline: Problem | None = None, uncovered: Problem | None = None,
 ) -> tuple[FinalFit, Decision]:  # fmt: skip
-    """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
-    it on left-out whole records, or if no model file takes it.
+    """The final fit, of `chosen`, and the decision; the nominal simulator unchanged and no cause if the fit is worse
+    than it on left-out whole records, or if no model file takes it.
 
     The fit has to take MATERIAL of the squares of `Search.reference` off on left-out folds, in the cells or, with a
     named cause, in all; a cause that channels or loops show without a law may be small. Where its file predicts another
@@ -158,7 +158,6 @@ def never_worse(
     gaps = problem.gaps(nominal.residual)
     reason = decision.verdict == "parameters"
     if not reason:
-        chosen = least_left_out(search, fits[decision.chosen.index])
         before = search.reference
         left, most = search.ratio(search.predicted(chosen), before), 1 - MATERIAL
         if decision.verdict == "effect":

@@ -61,12 +61,12 @@ def final_fit(search: Search, best: Fit, *, rig: Rig | None = None) -> FinalFit:
     return FinalFit(final, heldout(problem, final), problem)
 
 
-def least_left_out(search: Search, chosen: Fit) -> Fit:
+def least_left_out(search: Search, chosen: Fit, *, fixed: bool = False) -> Fit:
     """The fit of the chosen causes with the least error on left-out folds, of those that a model file takes; of the
     nominal simulator itself. Parameters of a form count as those of a cause.
 
     Nominal parameters stay fixed unless free ones reduce the error by _FREER: they were identified on this
-    rig.
+    rig. fixed: they do wherever there is such a fit.
     """
     if not chosen.hypothesis.coordinates:
         return chosen
@@ -83,8 +83,9 @@ def least_left_out(search: Search, chosen: Fit) -> Fit:
     fixed_law, free = found[False], found[True]
     if fixed_law is None or free is None:
         return fixed_law or free or chosen
-    better = search.left_out_cost(free) < (1 - _FREER) * search.left_out_cost(fixed_law)
-    return free if better else fixed_law
+    if fixed or search.left_out_cost(free) >= (1 - _FREER) * search.left_out_cost(fixed_law):
+        return fixed_law
+    return free
 
 
 def in_file(rig: Rig, found: Fit) -> bool:
