@@ -233,8 +233,8 @@ def test_a_simulator_that_no_model_file_takes_is_not_handed_over() -> None:
 
 
 def test_a_cause_is_handed_over_alone_where_a_law_fitted_along_with_it_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On the case's records the law is a tenth off, which a free gain takes; on smaller strokes, beyond the baseline, it
-    is right, and that gain is worse than no correction (.2 x, .5 x^3). The cubic term alone is not."""
+    """On the case's records the law is a tenth off, which a free gain takes. On smaller strokes, beyond the baseline,
+    it is right: there that gain is worse than no correction (.2 x, .5 x^3), and the cubic term alone is not."""
     made: list[tuple[Model, dict[str, float]]] = []
 
     class Filed(ToyRig):
