@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+import bingham_rig
 import frame_reference
 from dampers import off
 from excitation import Array
@@ -174,6 +176,33 @@ def test_responses_show_whether_a_smooth_command_is_held(between: str, wrong: bo
     found, notes = with_hold(case(between, model=believed(stiffness=stiffness)))
     assert bool(found.model.hold) == (between == "held"), notes
     assert found.model.hold is not None or "do not show whether" in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("lines", "delay", "known"),
+    [(False, 0.0, 0.0), (False, 4e-3, 0.0), (False, 0.0, 8e-3), (True, 4e-3, 0.0), (True, 0.0, 8e-3)],
+)
+def test_jumps_show_how_they_run_beside_a_lag_that_the_simulator_may_lack(
+    lines: bool, delay: float, known: float
+) -> None:
+    """Bingham's force by hand, every 50 us, behind a lag of 8 ms and a delay; known: the lag that the simulator has."""
+    fine, tau, found = 40, 8e-3, []
+    t: Array = np.arange(1500.0 * fine) * DT / fine
+    kept = np.exp(-DT / fine / tau)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        waves = zip(rng.uniform(0.5, 3, 3), rng.uniform(0, 6, 3), strict=True)
+        x = np.sum([4e-3 * np.sin(2 * np.pi * f * t + p) for f, p in waves], axis=0)
+        u = np.repeat(rng.choice([0.0, 0.5, 1.0, 1.5], 30), 50)
+        at = np.interp(t, DT * np.arange(len(u)), u) if lines else np.repeat(u, fine)
+        at = np.concatenate([np.full(round(delay * fine / DT), u[0]), at])[: len(t)]
+        current = lfilter([1 - kept], [1, -kept], at, zi=[kept * u[0]])[0]
+        force = bingham_rig.force(np.gradient(x, DT / fine), current)[::fine] + rng.normal(0, 3.0, len(u))
+        channels = {"time_s": t[::fine], "displacement_m": x[::fine], "command": u, "force_N": force}
+        found.append(Record(f"{seed}", None, DT, channels))
+    lag = (Effect("driver_lag", {"tau": known}),) if known else ()
+    model = replace(bingham_rig.model(), effects=lag)
+    assert bool(with_hold(Case("rig", Path(), model, tuple(found), ()))[0].model.hold) != lines
 
 
 @pytest.mark.slow

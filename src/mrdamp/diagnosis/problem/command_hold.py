@@ -1,7 +1,7 @@
 """Whether the rig holds its command between samples, where neither the case nor the log says.
 
 A converter holds a command until the next sample; read along lines it comes half a sample early, and a delay of half a
-sample looks almost like it. Both readings are compared with the responses, each with a delay of its own.
+sample looks almost like it. Both readings are compared with the responses, each with a delay and a lag of its own.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from mrdamp.model.core import Array
 from mrdamp.records.log_filter import held as is_held
 from mrdamp.records.log_filter import rings_before_jumps
 
-#: Delays from which the best one is sought, in samples.
-_DELAYS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
+#: Delays and time constants from which the best ones are sought, in samples.
+_SAMPLES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 #: Parts of each record's channel whose squared errors are compared, and standard errors from which they differ.
 _PARTS, _CLEAR = 10, 3.0
 #: Samples of a delay along lines that is a held command where the two readings are no further apart.
@@ -36,7 +36,7 @@ def with_hold(
     settings: of the simulator, in addition to its own. Unchanged where the case says it, where no command varies and
     where jumps show a log's filter. Along lines, with a note, where the responses do not show it: the simulator that is
     handed over is then read as it was fitted. A command that jumps between constants is held unless lines are clearly
-    better with `settings` too: a lag that the simulator lacks smears its jumps.
+    better.
     """
     commands = [np.asarray(r.command) for r in case.records]
     varying = tuple(r for r, u in zip(case.records, commands, strict=True) if np.ptp(u) > 0)
@@ -58,7 +58,7 @@ def with_hold(
             "the command is taken as held between samples, which fits as well as a delay of half a sample"
         ]
     jumps = all(is_held(u) for u in commands if np.ptp(u) > 0)
-    if clear < -_CLEAR and (settings or not jumps):
+    if clear < -_CLEAR:
         return along, []
     if jumps:
         return held, ["the command jumps between constants: it is taken as held between samples"]
@@ -69,25 +69,33 @@ def with_hold(
 
 
 def _best(case: Case, sample_time: float, threads: int, settings: Mapping[str, float]) -> tuple[Array, float]:
-    """Squared errors (parts,) with the best delay of the command beyond the simulator's, and this delay (s)."""
+    """Squared errors (parts,) with the best delay of the command beyond the simulator's and the best further lag, which
+    smears jumps as lines do, and this delay (s)."""
     problem = Problem(make_rig(case, threads))
-    own = settings.get("command_delay_d", case.model.attributes.get("command_delay_d", 0.0))
+    names = ("command_delay_d", "driver_lag_tau2")
+    own = [settings.get(name, case.model.attributes.get(name, 0.0)) for name in names]
 
-    def residual(delays: Sequence[float]) -> Array:
+    def residual(points: Sequence[Sequence[float]]) -> Array:
+        """Of delays and time constants in samples (points, 2)."""
         tried: list[Settings] = [
-            {**settings, **({"command_delay_d": own + sample_time * d} if d else {})} for d in delays
+            {**settings, **{n: o + sample_time * x for n, o, x in zip(names, own, q, strict=True) if x}} for q in points
         ]
         return problem.of_settings(tried)
 
-    costs = np.sum(residual(_DELAYS) ** 2, axis=1)
-    k = int(np.argmin(costs))
-    found = minimize_scalar(
-        lambda d: float(np.sum(residual([float(d)]) ** 2)),
-        bounds=(_DELAYS[max(k - 1, 0)], _DELAYS[min(k + 1, len(_DELAYS) - 1)]),
-        method="bounded",
-        options={"xatol": 0.02, "maxiter": 12},
-    )
-    best = float(found.x) if found.fun < costs[k] else _DELAYS[k]
-    at = residual([best])[0]
-    parts = [part for b in problem.blocks for part in np.array_split(at[b.span], _PARTS)]
-    return np.array([float(np.sum(part**2)) for part in parts]), sample_time * best
+    best = [0.0, 0.0]
+    for k in (0, 1, 0):
+        def along(x: float, k: int = k) -> list[float]:
+            return [x, best[1]] if k == 0 else [best[0], x]
+
+        costs = np.sum(residual([along(x) for x in _SAMPLES]) ** 2, axis=1)
+        at = int(np.argmin(costs))
+        found = minimize_scalar(
+            lambda x: float(np.sum(residual([along(float(x))]) ** 2)),
+            bounds=(_SAMPLES[max(at - 1, 0)], _SAMPLES[min(at + 1, len(_SAMPLES) - 1)]),
+            method="bounded",
+            options={"xatol": 0.02, "maxiter": 12},
+        )
+        best[k] = float(found.x) if found.fun < costs[at] else _SAMPLES[at]
+    rest = residual([best])[0]
+    parts = [part for b in problem.blocks for part in np.array_split(rest[b.span], _PARTS)]
+    return np.array([float(np.sum(part**2)) for part in parts]), sample_time * best[0]
