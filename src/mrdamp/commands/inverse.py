@@ -116,7 +116,7 @@ def _text(result: Trial, page: Path) -> str:
     if result.network:
         lines.append(f"network {result.network.about}")
     for kind in result.tracks:
-        lines.append(f"wanted force: {kind}")
+        lines.append(f"wanted force: {kind}, from {result.tracks[kind][0].start:g} s on")
         lines.append(f"  {'inverse':24s} {'RMS error':>11s} {'of wanted':>10s} {'ranges/s':>9s} {'mean':>7s}")
         for name, error, share, way, mean in result.rows(kind):
             lines.append(f"  {name:24s} {error:9.1f} N {share:8.1f} % {way:9.1f} {mean:7.3f}")

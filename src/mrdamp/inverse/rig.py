@@ -287,9 +287,9 @@ def write_page(result: Trial, out: Path, command_unit: str) -> Path:
     between = result.tracks["between"]
     best, switching = min(between, key=lambda t: t.error), next(t for t in between if t.name == "on/off switching")
     summary = (
-        f"Force tracking in MuJoCo over {between[0].time[-1]:.0f} s of random motion: the least RMS "
-        f"error is {100 * best.relative_error:.1f} % of the wanted force ({best.name}), "
-        f"that of on/off switching {100 * switching.relative_error:.1f} %."
+        f"Force tracking in MuJoCo over {between[0].time[-1]:.0f} s of random motion, of which figures leave out the "
+        f"first {best.start:g} s: the least RMS error is {100 * best.relative_error:.1f} % of the wanted force "
+        f"({best.name}), that of on/off switching {100 * switching.relative_error:.1f} %."
     )
     page = Page(f"Inverse models of {result.plant.name}", summary, footer="Made by `mrdamp inverse`.")
     for kind, heading in _KINDS.items():
