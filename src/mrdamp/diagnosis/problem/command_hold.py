@@ -57,10 +57,9 @@ def with_hold(
         return held, [
             "the command is taken as held between samples, which fits as well as a delay of half a sample"
         ]
-    jumps = all(is_held(u) for u in commands if np.ptp(u) > 0)
     if clear < -_CLEAR:
         return along, []
-    if jumps:
+    if all(is_held(u) for u in commands if np.ptp(u) > 0):
         return held, ["the command jumps between constants: it is taken as held between samples"]
     return along, [
         "the records do not show whether the command is held between samples; it is read along lines, and held a"
